@@ -122,6 +122,17 @@ def test_outlier_of_the_pose_changes_neither_twist_nor_disturbance(outlier):
     assert np.abs(robot.memory.disturbance).max() < 1e-3
 
 
+def test_outliers_within_reach_of_the_robot_raise_the_noise_little():
+    robot = Robot(MODELS[0])
+    for k in range(20):
+        robot.step(gentle(k))
+    robot.memory.covariance[:, 1, 1] = 4.0  # its twist is in doubt
+    robot.step(gentle(20), outlier=0.1)
+    robot.memory.covariance[:, 1, 1] = 4.0
+    robot.step(gentle(21))
+    assert 0.0 < robot.memory.noise[0] < 0.01**2
+
+
 @pytest.mark.parametrize("outlier", [(3.0, -2.0, 4.0), (1e5, 0.0, 0.0), (0.0, 0.0, -1e5)])
 def test_outlier_of_the_twist_is_ignored(outlier):
     robot = Robot(MODELS[0])
@@ -154,6 +165,14 @@ def test_wrong_disturbance_with_which_wheels_would_slip_is_corrected():
     for k in range(60):
         robot.step(gentle(k))
     assert np.abs(robot.memory.disturbance).max() < 0.01
+
+
+def test_wrong_disturbance_is_corrected_while_wheels_slip_for_long():
+    robot = Robot(MODELS[0])
+    robot.memory.disturbance[2] = 1.4
+    for k in range(60):
+        robot.step((0.0, 0.0, 2.0 if k % 4 < 2 else -2.0))
+    assert np.abs(robot.memory.disturbance).max() < 0.7
 
 
 @pytest.mark.parametrize("elapsed", [-1.0, 0.0, 0.2 * DT])

@@ -98,6 +98,16 @@ def test_wheels_that_must_not_spin_are_below_the_friction_limit_at_the_end(seed)
     assert np.abs(forces).max() < model.max_force * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+def test_robot_that_turns_faster_than_friction_allows_is_braked(robot):
+    """Its body twist needs too much centripetal force: wheels spin at every command near it."""
+    model, twist = SlipModel.of(robot, may_spin=False), BodyTwist(1.6, -0.9, 3.8)
+    for _ in range(10):
+        desired = BodyTwist(0.5 * twist.vx, 0.5 * twist.vy, 0.5 * twist.yaw_rate)
+        _, twist = model.command(desired, twist, DT)
+    assert np.abs(twist).max() < 0.1
+
+
 @pytest.mark.parametrize("dt", [0.005, 0.02, 0.05, 0.1])
 def test_commands_do_not_oscillate_at_any_sample_time(dt):
     """Under constant acceleration the commanded excess over the desired speed is smooth."""

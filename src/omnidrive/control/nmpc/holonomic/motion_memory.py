@@ -61,7 +61,7 @@ class MotionMemory(NamedTuple):
     """Estimated variance of measured positions (m^2) and yaws (rad^2); of every axis the last
     difference of a measured displacement from the predicted one, and the last residual; the number
     of measurements; of every axis the last displacement of a robot that was moved, otherwise 0; and
-    the number of the latest measurements in which wheels slipped with the disturbance only.
+    for how long wheels have slipped up to now, s.
     See :func:`~.pose_noise.estimate_noise` and :func:`~.motion_observer.correct`."""
     reached: Float[Array, " 1"]
     """Share of the planned acceleration that the robot reaches, minus the assumed one, see

@@ -35,8 +35,9 @@ _SLIP_ACCELERATION = 1.0
 """Likewise with all wheels at the friction limit, m/s^2."""
 STEADY_SATURATION = 0.05
 """Share of wheels at the friction limit above which the disturbance is not corrected."""
-_MAX_SLIPS = 10
-"""Consecutive samples with wheels that slip with the disturbance only until it counts as wrong."""
+_MAX_SLIP_TIME = 0.5
+"""Time, s, of wheels that slip with the disturbance only, until it counts as wrong; half the time
+where they would slip without it, too."""
 _DRIFT = 0.04
 """Standard deviation of the change of the disturbance in a second, m/s."""
 _NOISY_TRANSLATION, _NOISY_ROTATION = (0.01, 0.008, 1.0), (0.003, 0.001, 0.0)
@@ -171,6 +172,7 @@ def correct(  # noqa: PLR0917
     variances: Vector,
     dt: float,
     shares: tuple[float, float],
+    steady: bool,
 ) -> None:
     """Correct the prediction by a measured pose: a Kalman filter for every axis of B.
 
@@ -185,8 +187,9 @@ def correct(  # noqa: PLR0917
             negative: unknown, so that the variance is estimated from the innovations.
         dt: Sample time, in s.
         shares: Of wheels at the friction limit, as :func:`predict` returns them. While wheels slip,
-            the error of the model is no disturbance. If they go on to slip with the disturbance
-            only, that is wrong, and is corrected towards zero.
+            the error of the model is no disturbance. If they go on to slip, the disturbance may
+            be wrong; then it is corrected towards zero.
+        steady: Whether the disturbance may be corrected.
     """
     yaw = memory.pose[2]
     c, s = cos(yaw), sin(yaw)
@@ -198,9 +201,8 @@ def correct(  # noqa: PLR0917
         moved = moved or abs(innovation[a]) > _GATE * sqrt(total) + _reach(model, dt, a)
     carries_on = moved and _carries_on(model, memory, innovation, dt)
     if not moved:
-        estimate_noise(memory, innovation)
-    slips = shares[1] <= STEADY_SATURATION < shares[0]
-    memory.noise[12] = memory.noise[12] + 1.0 if slips else 0.0
+        estimate_noise(model, memory, innovation)
+    _count_slips(memory, shares, dt if steady else 0.0)
     for a in range(3):
         p, variance = memory.covariance[a], pose_variance(model, memory, variances, a)
         total = p[0, 0] + variance
@@ -212,9 +214,9 @@ def correct(  # noqa: PLR0917
                 doubt_twist(model, memory, a, dt)
             continue
         to_zero = p[2, 0] * innovation[a] * memory.disturbance[a] < 0.0
-        wrong = memory.noise[12] > _MAX_SLIPS and to_zero
-        steady = shares[0] <= STEADY_SATURATION or wrong
-        gains = (p[0, 0] / total, p[1, 0] / total, p[2, 0] / total if steady else 0.0)
+        wrong = memory.noise[12] > _MAX_SLIP_TIME and to_zero
+        constant = steady and (shares[0] <= STEADY_SATURATION or wrong)
+        gains = (p[0, 0] / total, p[1, 0] / total, p[2, 0] / total if constant else 0.0)
         change[a] = gains[0] * innovation[a]
         memory.noise[5 + a] = innovation[a] - change[a]
         memory.twist[a] += gains[1] * innovation[a]
@@ -224,6 +226,18 @@ def correct(  # noqa: PLR0917
     memory.pose[0] += c * change[0] - s * change[1]
     memory.pose[1] += s * change[0] + c * change[1]
     memory.pose[2] += change[2]
+
+
+@compiled
+def _count_slips(memory: MotionMemory, shares: tuple[float, float], dt: float) -> None:
+    """Count the time for which wheels slip, half where they would slip without the disturbance.
+
+    A time of 0 sets it to zero.
+    """
+    if shares[0] <= STEADY_SATURATION or dt == 0.0:
+        memory.noise[12] = 0.0
+    else:
+        memory.noise[12] += dt if shares[1] <= STEADY_SATURATION else 0.5 * dt
 
 
 @compiled

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory, axis_unit
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
@@ -11,26 +13,43 @@ NOISY = 2e-3
 """Standard deviation of a measured position from which on poses are noisy, m."""
 _MIN_VARIANCE = 1e-12
 """Least variance of a measured position, m^2."""
+_EXPECTED = 0.01
+"""Standard deviation of a measured position that is not surprising without evidence, m."""
+_LARGEST = 4.0
+"""Largest difference of two poses that counts as noise, in standard deviations."""
 _NOISE_MEMORY = 30.0
 """Number of samples over which the variance of the noise is averaged."""
 
 
 @compiled
-def estimate_noise(memory: MotionMemory, innovation: Vector) -> None:
+def estimate_noise(model: SlipModel, memory: MotionMemory, innovation: Vector) -> None:
     """Update the variance of the noise by the covariance of consecutive differences.
 
     White noise n of the poses adds n_k - n_{k-1} to a measured displacement, so that consecutive
     differences from the predicted displacement have the covariance -E[n^2]; errors of the model,
     which last for many samples, give a positive one (Mehra, "On the identification of variances and
-    adaptive Kalman filtering", IEEE Trans. Autom. Control 15, 1970).
+    adaptive Kalman filtering", IEEE Trans. Autom. Control 15, 1970). A difference counts up to four
+    standard deviations of the noise known so far, so that single outliers are no noise (Huber,
+    "Robust estimation of a location parameter", Ann. Math. Statist. 35, 1964).
     """
     noise = memory.noise
-    x, y, yaw = innovation[0] - noise[5], innovation[1] - noise[6], innovation[2] - noise[7]
+    most = _largest_difference(model, noise[0], 0)
+    most_yaw = _largest_difference(model, noise[1], 2)
+    x = min(max(innovation[0] - noise[5], -most), most)
+    y = min(max(innovation[1] - noise[6], -most), most)
+    yaw = min(max(innovation[2] - noise[7], -most_yaw), most_yaw)
     noise[8] += 1.0
     share = 1.0 / min(noise[8], _NOISE_MEMORY)
     noise[0] += share * (-0.5 * (x * noise[2] + y * noise[3]) - noise[0])
     noise[1] += share * (-yaw * noise[4] - noise[1])
     noise[2], noise[3], noise[4] = x, y, yaw
+
+
+@compiled
+def _largest_difference(model: SlipModel, variance: float, axis: int) -> float:
+    """Return the difference of two poses, m or rad, up to which it counts as noise."""
+    little = _EXPECTED * axis_unit(model, axis)
+    return _LARGEST * sqrt(max(variance, 0.0) + little * little)
 
 
 @compiled

@@ -182,16 +182,22 @@ def predict_change(
 
 @compiled
 def _without_spin(model: SlipModel, commanded: Vector, initial: Vector, dt: float) -> Vector:
-    """Reduce the commanded change by bisection until no wheel spins at the end of the step."""
+    """Reduce the commanded change by bisection until no wheel spins at the end of the step.
+
+    Where wheels spin even without a change, because the twist itself needs more centripetal force
+    than friction, the command is returned as it is: nothing but the change ends such a motion.
+    """
     low, high = 0.0, 1.0
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
+    for k in range(_BISECTIONS + 1):
+        middle = 0.5 * (low + high) if k > 0 else 0.0
         reduced = _interpolate(initial, commanded, middle)
         _, final = slip_response(model, initial, reduced, dt)
-        if _spins(model, reduced, final):
+        if not _spins(model, reduced, final):
+            low = middle
+        elif k > 0:
             high = middle
         else:
-            low = middle
+            return commanded
     return _interpolate(initial, commanded, low)
 
 

@@ -124,7 +124,7 @@ def observe(
     shares = predict(robot.model, memory, elapsed, dt)
     if now.fresh:
         update_reached(robot.model, robot.faces, memory, pose, twist, now.pose, elapsed)
-        correct(robot.model, memory, now.pose, now.variances, dt, shares if steady else (1.0, 1.0))
+        correct(robot.model, memory, now.pose, now.variances, dt, shares, steady)
     if known:
         correct_twist(robot.model, memory, now.twist, dt)
     _identify(robot.identify, CONTINUE, robot, memory, now, elapsed, dt)
