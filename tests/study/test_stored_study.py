@@ -1,0 +1,200 @@
+"""Report, export and difference of stored studies, also by their verbs."""
+
+import csv
+from hashlib import sha256
+
+import pyarrow.parquet as pq
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from omnidrive.cli.main import app
+from omnidrive.errors import InvalidInput, OmnidriveError
+from omnidrive.study import RunPlan, parse_definition, save_definition
+from omnidrive.study.run_record import RunRecord
+from omnidrive.study.store import Store
+from omnidrive.study.stored_study import (
+    UNTIL,
+    compare_studies,
+    export_study,
+    read_study,
+    results_digest,
+)
+
+DEFINITION = {
+    "format": "omnidrive-study-1",
+    "name": "sampling",
+    "question": "Does a shorter sample time help?",
+    "scenario": {
+        "robot": {"name": "paper"},
+        "plant": "kinematic",
+        "reference": {"type": "circle", "radius": 1.0},
+        "controllers": {"pid": "pid", "stiff": {"type": "feedforward", "position": 9.0}},
+        "tasks": {"noise": {"durations": [8.0]}},
+    },
+    "axes": {"sample_time": [0.05, 0.1]},
+    "random": {"factors": {"reference.radius": {"low": 1.0, "high": 2.0}}},
+    "repetitions": 12,
+}
+
+
+def made(folder, *, better=0.0, stored=None, changes=None):
+    """Write a study whose errors are 50 mm and 40 mm, in whole or in part; return its folder."""
+    folder.mkdir()
+    definition = parse_definition({**DEFINITION, **(changes or {})}, "test")
+    save_definition(definition, folder / "study.yaml")
+    plan = RunPlan(definition)
+    with Store(folder) as store:
+        store.begin("hash")
+        store.add([_record(run, better) for run in plan[: stored or len(plan)]])
+    return folder
+
+
+def _record(run, better):
+    own = int(run.key[:6], 16) / 16**6
+    error = 0.05 + 1e-3 * own - (0.01 + better if run.job.controller == "stiff" else 0.0)
+    empty = RunRecord(-1, run.key, -1, "", "", 0, {}, "finished", True,
+                      {"me": error, "mae": 0.1 + own, "arrival": float("nan")},
+                      {"step_time_median": 5.0 + own})  # fmt: skip
+    return empty.relabelled(run)
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    return made(tmp_path_factory.mktemp("first") / "study")
+
+
+@pytest.fixture(scope="module")
+def second(tmp_path_factory):
+    """The same study with a controller that is better by 1 mm."""
+    return made(tmp_path_factory.mktemp("second") / "study", better=1e-3)
+
+
+def verb(*arguments):
+    return CliRunner().invoke(app, ["study", *map(str, arguments)])
+
+
+def test_facts_state_what_was_done(first):
+    study = read_study(first)
+    facts = study.facts()
+    assert facts.question == "Does a shorter sample time help?"
+    assert facts.planned == len(study.table) == 48
+    assert facts.setup["Axis sample_time"] == "0.05, 0.1"
+    assert facts.setup["Random reference.radius"] == "low 1.0, high 2.0"
+    assert facts.setup["Controllers"] == "pid; stiff: feedforward (position = 9.0)"
+    assert facts.setup["Repetitions"] == "12, seed 1"
+    assert facts.command == "omnidrive study study.yaml --out repeated"
+    assert yaml.safe_load(facts.definition)["axes"] == {"sample_time": [0.05, 0.1]}
+    assert not facts.published
+    assert study.evidence.runs.axes == ("sample_time",)
+    assert study.evidence.runs.random_factors == ("reference.radius",)
+
+
+def test_hash_of_the_results_is_that_of_the_exported_file(first, second, tmp_path):
+    study = read_study(first)
+    export_study(study, tmp_path / "runs.csv")
+    digest = sha256((tmp_path / "runs.csv").read_bytes()).hexdigest()
+    hashes = study.facts().hashes
+    assert results_digest(study.table) == hashes["Results"] == digest
+    other = read_study(second).facts().hashes
+    assert other.keys() == hashes.keys()
+    assert [other[name] == hashes[name] for name in hashes] == [True, True, False]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_equal_studies_export_equal_bytes(first, tmp_path, suffix):
+    contents = []
+    for name, folder in (("a", first), ("b", made(tmp_path / "study"))):
+        export_study(read_study(folder), tmp_path / f"{name}{suffix}")
+        contents.append((tmp_path / f"{name}{suffix}").read_bytes())
+    assert contents[0] == contents[1]
+
+
+def test_exported_table_has_exact_numbers_and_times_on_demand(first, tmp_path):
+    study = read_study(first)
+    export_study(study, tmp_path / "runs.csv")
+    with (tmp_path / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["number"]) for row in rows] == list(range(48))
+    assert [float(row["me"]) for row in rows] == study.table["me"].to_pylist()
+    assert {row["arrival"] for row in rows} == {""}
+    assert "timing:step_time_median" not in rows[0]
+    export_study(study, tmp_path / "runs.parquet", timing=True)
+    table = pq.read_table(tmp_path / "runs.parquet")
+    assert table["number"].to_pylist() == list(range(48))
+    assert (
+        table["timing:step_time_median"].to_pylist() == study.timing["step_time_median"].to_pylist()
+    )
+    with pytest.raises(InvalidInput, match=r"the suffix of an exported table is \.csv or"):
+        export_study(study, tmp_path / "runs.xlsx")
+
+
+def test_difference_of_a_better_controller(first, second):
+    found = compare_studies(read_study(first), read_study(second))
+    assert found.matched == found.same_key == 48
+    assert len(found.not_reproduced) == 24
+    changed = {c.controller: c for c in found.changes if c.measure.name == "me"}
+    assert (changed["pid"].verdict, changed["stiff"].verdict) == ("equal", "better")
+
+
+def test_sequential_study_has_always_valid_intervals(tmp_path):
+    folder = made(tmp_path / "a")
+    with Store(folder) as store, store.transaction() as connection:
+        connection.execute("INSERT INTO facts VALUES (?, ?)", (UNTIL, "me:0.1mm"))
+    study = read_study(folder)
+    assert study.evidence.always_valid
+    assert study.facts().command.startswith("omnidrive study study.yaml --until me:0.1mm")
+
+
+def test_verb_diff_prints_table_and_json(first, second):
+    done = verb("diff", first, second)
+    assert done.exit_code == 0, done.output
+    assert "Changes" in done.stdout
+    assert "24 runs with the same key have different results" in done.stdout
+    assert '"verdict": "better"' in verb("diff", first, second, "--json").stdout
+    same = verb("diff", first, first)
+    assert same.stdout.splitlines() == [
+        "48 runs in common, 48 with the same key. All values are equal."
+    ]
+
+
+def test_verb_export(first, tmp_path):
+    done = verb("export", first, "--out", tmp_path / "runs.csv")
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith("48 runs written to ")
+
+
+def test_verb_report_of_a_part_of_a_study(tmp_path):
+    folder = made(tmp_path / "a", stored=40, changes={"axes": {}, "repetitions": 30})
+    done = verb("report", folder, "--metric", "mae")
+    assert done.exit_code == 0, done.output
+    assert "Noise 8 s: no difference in MAE is shown between" in " ".join(done.stdout.split())
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "20 of 60 planned runs are not finished" in page
+    assert (folder / "tables" / "answer.csv").is_file()
+    assert (folder / "figures" / "pairs.svg").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [(("report", "none"), "there is no study in"), (("export", "none", "--out", "a.csv"), "none")],
+)
+def test_missing_study_is_an_error(tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    done = verb(*arguments)
+    assert isinstance(done.exception, OmnidriveError)
+    assert message in str(done.exception)
+
+
+def test_unknown_metric_is_an_error(first):
+    done = verb("report", first, "--metric", "mee")
+    assert isinstance(done.exception, InvalidInput)
+    assert "no metric 'mee'; did you mean 'me'" in str(done.exception)
+
+
+def test_study_without_runs_is_an_error(tmp_path):
+    folder = made(tmp_path / "a", stored=1)
+    with Store(folder) as store, store.transaction() as connection:
+        connection.execute("DELETE FROM runs")
+    with pytest.raises(InvalidInput, match="no run of the study in"):
+        read_study(folder)
