@@ -10,14 +10,14 @@ from typer.testing import CliRunner
 
 from omnidrive.cli.main import app
 from omnidrive.errors import InvalidInput, OmnidriveError
-from omnidrive.study import RunPlan, parse_definition, save_definition
+from omnidrive.study import RunPlan, parse_definition, save_definition, save_scenario
 from omnidrive.study.run_record import RunRecord
 from omnidrive.study.store import Store
 from omnidrive.study.stored_study import (
-    UNTIL,
     compare_studies,
     export_study,
     read_study,
+    report_study,
     results_digest,
 )
 
@@ -140,10 +140,20 @@ def test_difference_of_a_better_controller(first, second):
 def test_sequential_study_has_always_valid_intervals(tmp_path):
     folder = made(tmp_path / "a")
     with Store(folder) as store, store.transaction() as connection:
-        connection.execute("INSERT INTO facts VALUES (?, ?)", (UNTIL, "me:0.1mm"))
+        connection.execute("INSERT INTO facts VALUES (?, ?)", ("until", "me:0.1mm"))
     study = read_study(folder)
     assert study.evidence.always_valid
     assert study.facts().command.startswith("omnidrive study study.yaml --until me:0.1mm")
+
+
+def test_report_of_a_comparison_leaves_its_own_report(first, tmp_path):
+    save_scenario(read_study(first).definition.scenario, tmp_path / "scenario.yaml")
+    (tmp_path / "runs.sqlite").write_bytes((first / "runs.sqlite").read_bytes())
+    study = read_study(tmp_path)
+    assert study.is_comparison
+    assert study.facts().command == "omnidrive compare scenario.yaml --out repeated"
+    assert report_study(study).page == tmp_path / "evidence" / "report.html"
+    assert not (tmp_path / "report.html").exists()
 
 
 def test_verb_diff_prints_table_and_json(first, second):

@@ -20,6 +20,7 @@ class StudyFacts:
         types: Type and parameters of each controller by its label.
         planned: Number of planned runs.
         definition: Text of the study file.
+        file: Name of the study file.
         command: Command that repeats the study, given the study file.
         hashes: SHA-256 in hexadecimal digits of what the results depend on and of the results, by
             their names.
@@ -34,6 +35,7 @@ class StudyFacts:
     types: Mapping[str, ControllerType] = field(default_factory=dict)
     planned: int = 0
     definition: str = ""
+    file: str = "study.yaml"
     command: str = ""
     hashes: Mapping[str, str] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)

@@ -25,20 +25,14 @@ from omnidrive.evaluation.table import Table
 from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.definition import StudyDefinition
-from omnidrive.study.definition_file import load_definition
+from omnidrive.study.run_experiment import DEFINITION_FILE, SCENARIO_FILE, load_study
 from omnidrive.study.run_key import VERSIONS, plan_digest
 from omnidrive.study.run_plan import RunPlan
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.store import Store
 
-DEFINITION = "study.yaml"
-"""Name of the study file in the folder of a study."""
-
 EXPORT_SUFFIXES = (".csv", ".parquet")
 """Suffixes of exported tables."""
-
-UNTIL = "until"
-"""Fact of a store: stop rule of a study that ends when its intervals are narrow enough."""
 
 _PAPER_TABLES = "paper-tables"  # study whose report checks the claims of the paper
 _MAX_VALUES = 12  # of an axis in the set-up
@@ -57,6 +51,8 @@ class StoredStudy(NamedTuple):
     """Their computing times; see :meth:`Store.timing`."""
     until: str
     """Stop rule; empty: none."""
+    is_comparison: bool = False
+    """Whether it is the folder of ``omnidrive compare``, which has a report of its own."""
 
     @property
     def evidence(self) -> StudyEvidence:
@@ -75,7 +71,10 @@ class StoredStudy(NamedTuple):
             types={label: _controller_type(each) for label, each in scenario.controllers.items()},
             planned=0 if self.until else len(RunPlan(definition)),
             definition=self.text,
-            command=f"omnidrive study {DEFINITION}{until} --out repeated",
+            command=f"omnidrive compare {SCENARIO_FILE} --out repeated"
+            if self.is_comparison
+            else f"omnidrive study {DEFINITION_FILE}{until} --out repeated",
+            file=SCENARIO_FILE if self.is_comparison else DEFINITION_FILE,
             hashes={
                 "Definition": sha256(self.text.encode()).hexdigest(),
                 "Scenarios, seeds, components": plan_digest(self.table["key"].to_pylist()),
@@ -95,19 +94,19 @@ def read_study(folder: StrPath, *, allow_code: bool = False) -> StoredStudy:
         allow_code: Whether its controllers may be code that is not installed.
 
     Raises:
-        InvalidStudy: The study file is missing or invalid.
-        InvalidStore: There is no usable store.
-        InvalidInput: No run is stored.
+        InvalidStore: There is no study, or no usable store.
+        InvalidInput: The study file is invalid, or no run is stored.
         CannotWrite: The store cannot be read.
     """
     path = to_path(folder)
+    definition, until = load_study(path, allow_code=allow_code)
     with Store(path, read_only=True) as store:
-        table, timing, until = store.records(), store.timing(), store.fact(UNTIL)
-    definition = load_definition(path / DEFINITION, allow_code=allow_code)
+        table, timing = store.records(), store.timing()
     if not table.num_rows:
         raise InvalidInput(f"no run of the study in {one_line(str(path))} is finished yet")
-    text = (path / DEFINITION).read_text(encoding="utf-8")
-    return StoredStudy(path, definition, text, table, timing, until or "")
+    one = (path / SCENARIO_FILE).is_file()
+    text = (path / (SCENARIO_FILE if one else DEFINITION_FILE)).read_text(encoding="utf-8")
+    return StoredStudy(path, definition, text, table, timing, until, one)
 
 
 class StudyReport(NamedTuple):
@@ -131,7 +130,7 @@ def report_study(
         study: The study.
         metric: Compared quantity. None: the mean error, in step responses the settling time, with
             faults the worst error.
-        out: Folder of the report. None: that of the study.
+        out: Folder of the report. None: that of the study; of a comparison, ``evidence`` in it.
         done: Called with the name of each file after it is written.
 
     Raises:
@@ -139,7 +138,8 @@ def report_study(
         CannotWrite: A file cannot be written.
     """
     evidence, facts = study.evidence, study.facts()
-    folder = study.folder if out is None else to_path(out)
+    default = study.folder / "evidence" if study.is_comparison else study.folder
+    folder = default if out is None else to_path(out)
     tables = study_tables(evidence, facts, metric)
     page = folder
     for page in write_study_report(evidence, facts, tables, folder, metric):

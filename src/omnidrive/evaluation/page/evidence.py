@@ -74,6 +74,7 @@ class EvidencePage(NamedTuple):
             "figures": "\n".join(map(_figure, self.figures)),
             "tables": tables_markup(self.tables),
             "intervals": _ALWAYS_VALID.format(escape(facts.until)) if facts.until else _BOOTSTRAP,
+            "file": escape(facts.file),
             "command": escape(facts.command),
             "hashes": _items({**facts.hashes, **facts.versions}),
             "definition": escape(facts.definition),
