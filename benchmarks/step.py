@@ -5,6 +5,10 @@ Its states are recorded and given to every controller in the same order. With co
 process on the same processor core reads and writes an array of 32 MB between two calls. A time is
 the wall-clock time of the whole Python call; that of a step is the median over the rounds, so that
 calls which other programs interrupt do not count. N = 15, sample time 0.05 s.
+
+The floor is what remains without a controller: a method that does nothing, a method that only calls
+a kernel without statements, and one that also checks its arguments and makes a command of three
+numbers.
 """
 
 from __future__ import annotations
@@ -18,15 +22,20 @@ from time import perf_counter
 import numpy as np
 from figures import at_least, at_most, publish, row
 from gauntlet_references import reference_of
+from jaxtyping import Float
 
-from omnidrive.control import Command, Controller
+from omnidrive.arrays import Array
+from omnidrive.compiled import compiled, entry_point
+from omnidrive.control import Command, Controller, Status
 from omnidrive.control.components import (
     ControllerContext,
     HolonomicNmpcOptions,
     SolverName,
     holonomic_nmpc,
 )
+from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.estimation import State
+from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
 from omnidrive.robot import named_robot
 from omnidrive.simulation import PaperNoise, PlanarPlant, simulate
@@ -98,7 +107,7 @@ def recorded_states(robot: str, noisy: bool) -> list[TimedState]:
 
 
 def time_steps(
-    controller: Controller,
+    controller: Controller | NoOp,
     states: list[TimedState],
     reference: Reference,
     before: Callable[[], None],
@@ -112,6 +121,60 @@ def time_steps(
         controller.step(t, state, reference)
         times.append(1e6 * (perf_counter() - began))
     return times
+
+
+@compiled
+def nothing(_: Float[Array, " 3"], __: float) -> None:
+    """Do nothing."""
+
+
+class NoOp:
+    """A controller whose step does nothing."""
+
+    def __init__(self) -> None:
+        self.value = np.zeros(3)
+        self.kernel = entry_point(nothing, self.value, 0.0)
+
+    def reset(self, state: State) -> None:
+        """Do nothing."""
+
+    def step(self, t: float, state: State, reference: Reference) -> None:
+        """Do nothing."""
+
+
+class EmptyKernel(NoOp):
+    """A controller whose step calls a kernel that does nothing."""
+
+    def step(self, t: float, state: State, reference: Reference) -> None:
+        """Call the kernel."""
+        self.kernel(self.value, t)
+
+
+class EmptyLaw(GuardedController, NoOp):
+    """A guarded controller whose law does nothing."""
+
+    def reset(self, state: State) -> None:
+        """Do nothing."""
+
+    def compute(self, t: float, state: State, reference: Reference) -> Command:
+        """Call the kernel, and make a command."""
+        self.kernel(self.value, t)
+        return Command(BodyTwist(*self.value.tolist()), Status.OK, (), "")
+
+
+def floor_rows(walker: Walker) -> Iterator[dict[str, object]]:
+    """Yield the times of controllers that compute nothing."""
+    states, reference = recorded_states("paper", noisy=False), reference_of("eight", "paper")
+    floors = {
+        "no statement": NoOp(),
+        "an empty kernel": EmptyKernel(),
+        "checks, an empty kernel, a command": EmptyLaw(),
+    }
+    for name, floor in floors.items():
+        for caches, before in {"warm": lambda: None, "cold": walker}.items():
+            rounds = [time_steps(floor, states, reference, before) for _ in range(ROUNDS)]
+            time = np.median(np.median(rounds, axis=0))
+            yield row(f"floor: {name}, {caches} caches: median", time, "us")
 
 
 def step_rows(robot: str, noisy: bool, walker: Walker) -> Iterator[dict[str, object]]:
@@ -132,7 +195,8 @@ def step_rows(robot: str, noisy: bool, walker: Walker) -> Iterator[dict[str, obj
 
 
 def main() -> None:
-    walker, rows = Walker(), []
+    walker = Walker()
+    rows = list(floor_rows(walker))
     for robot in ("paper", "small"):
         for noisy in (False, True):
             rows += step_rows(robot, noisy, walker)

@@ -249,6 +249,9 @@ def test_estimates_stay_within_the_bounds():
     ("settings", "initial", "message"),
     [
         (DriveSettings(min_gain=1.2), NOTHING, "min_gain is 1.2, need 0.1 to 1"),
+        (DriveSettings(max_gain=0.8), NOTHING, "max_gain is 0.8, need 1 to 2"),
+        (DriveSettings(min_gain=np.nan), NOTHING, "min_gain is nan"),
+        (DriveSettings(max_lag=-0.1), NOTHING, "max_lag is -0.1 s, need 0 to 1 s"),
         (DriveSettings(memory=0.0), NOTHING, "memory is 0 s"),
         (
             DriveSettings(max_delay=0.01),
