@@ -19,6 +19,7 @@ from .control import (
 )
 from .control.components import ControllerContext
 from .control.nmpc.holonomic import Actuation, HolonomicSolver, KeepOutZone
+from .deploy import DriveControls, DriveResult, RobotLink, SimulatedLink, SimulatedProcess, drive
 from .errors import OmnidriveError
 from .estimation import PoseEstimator, PoseFix, SensorReadings, State, StateEstimator
 from .estimation.components import EstimatorContext
@@ -73,6 +74,8 @@ __all__ = [
     "Command",
     "Controller",
     "ControllerContext",
+    "DriveControls",
+    "DriveResult",
     "EstimatorContext",
     "FeedforwardController",
     "FeedforwardGains",
@@ -108,6 +111,7 @@ __all__ = [
     "Recording",
     "Reference",
     "Robot",
+    "RobotLink",
     "Run",
     "SampledReference",
     "Saturation",
@@ -115,6 +119,8 @@ __all__ = [
     "SensorReadings",
     "SensorSuite",
     "Setpoint",
+    "SimulatedLink",
+    "SimulatedProcess",
     "SplinePath",
     "State",
     "StateEstimator",
@@ -131,6 +137,7 @@ __all__ = [
     "WheelTorques",
     "WorldTwist",
     "classical_pid",
+    "drive",
     "film",
     "fuzzy_pid",
     "holonomic_nmpc",

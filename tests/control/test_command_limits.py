@@ -16,7 +16,7 @@ from omnidrive.reference import Hold, ShapeReference
 from omnidrive.reference.shapes import Circle
 from omnidrive.robot import ROBOTS, named_robot
 from omnidrive.simulation import KinematicPlant, Outcome, simulate
-from omnidrive.simulation.loop import warn_once
+from omnidrive.simulation.run_log import warn_once
 from omnidrive.study.engine import log_new
 
 DT = 0.1

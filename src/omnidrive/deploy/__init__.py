@@ -1,1 +1,5 @@
-"""Drive a robot with the pipeline that was simulated."""
+"""Drives of robots in real time, with the pipeline that was simulated."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

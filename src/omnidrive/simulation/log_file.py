@@ -64,11 +64,8 @@ def save_log(columns: Sequence[LogColumn], events: Sequence[Event], path: Path) 
         MissingExtra: The suffix is .mcap, and the package mcap is not installed.
         CannotWrite: The file cannot be written.
     """
+    check_log_file(path)
     suffix = path.suffix.lower()
-    if suffix not in _SUFFIXES:
-        raise InvalidInput(
-            f"{one_line(str(path))}: the suffix of a log is one of {', '.join(_SUFFIXES)}"
-        )
     if suffix == ".mcap":
         writer = mcap_writer()
         with output_file(path) as part, part.open("wb") as file:
@@ -80,3 +77,11 @@ def save_log(columns: Sequence[LogColumn], events: Sequence[Event], path: Path) 
             pa.csv.write_csv(table, part)
         else:
             pa.parquet.write_table(table, part)
+
+
+def check_log_file(path: Path) -> None:
+    """Raise :class:`InvalidInput` unless the suffix of a file name is that of a log."""
+    if path.suffix.lower() not in _SUFFIXES:
+        raise InvalidInput(
+            f"{one_line(str(path))}: the suffix of a log is one of {', '.join(_SUFFIXES)}"
+        )

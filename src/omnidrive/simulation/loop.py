@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
-from math import nan
-from operator import attrgetter
-from typing import NamedTuple
+from collections.abc import Iterable
 
 import numpy as np
-from jaxtyping import Float
 
-from omnidrive.arrays import Array
 from omnidrive.control import (
     CommandValue,
     Controller,
     LimitedController,
     Pipeline,
     PipelineStep,
-    WheelSpeeds,
-    WheelTorques,
 )
 from omnidrive.control.controller import STOP, check_controller, failed_command, limits_notice
 from omnidrive.control.pipeline import PartFailed
-from omnidrive.control.supervision import Event, NullSupervisor, Supervisor
+from omnidrive.control.supervision import NullSupervisor, Supervisor
 from omnidrive.errors import InvalidInput, kind_of, one_line
-from omnidrive.estimation import LatestFix, State, StateEstimator
+from omnidrive.estimation import LatestFix, StateEstimator
 from omnidrive.estimation.state import check_start
 from omnidrive.geometry import BodyTwist, Pose, check_heading
 from omnidrive.parameter import are_finite, check_sample_time
@@ -39,10 +29,9 @@ from omnidrive.simulation.environment import Environment
 from omnidrive.simulation.guard import Guard, RunEnded, run_timer
 from omnidrive.simulation.plant import Plant, PlantState, check_command
 from omnidrive.simulation.run import Outcome, Run
+from omnidrive.simulation.run_log import RunLog
 from omnidrive.simulation.sensors import PerfectSensors, Sensors
 
-_logger = logging.getLogger("omnidrive")
-_UNKNOWN = (nan, nan, nan)
 _BEFORE_START = -1.0  # s; a time before the first sample
 _FAILED = {
     "reference": Outcome.REFERENCE_FAILED,
@@ -93,7 +82,7 @@ def simulate(
     check_sample_time(dt)
     pipeline = _pipeline(controller, estimator, supervisor)
     environment = Environment(plant, sensors or PerfectSensors(), reference, schedule)
-    log = _Log(pipeline)
+    log = RunLog(pipeline)
     try:
         with run_timer():
             environment.check()
@@ -158,7 +147,7 @@ def _reset(pipeline: Pipeline, start: Pose) -> None:
         raise RunEnded(_FAILED[error.part], *_reason(error.message)) from None
 
 
-def _duration(environment: Environment, pipeline: Pipeline, log: _Log) -> float:
+def _duration(environment: Environment, pipeline: Pipeline, log: RunLog) -> float:
     """Return the duration of the run, s, and log the reason if it is not the reference's."""
     duration = environment.duration
     with Guard(Outcome.CONTROLLER_FAILED, call="retime", limit=guard.PART_TIMEOUT):
@@ -170,17 +159,11 @@ def _duration(environment: Environment, pipeline: Pipeline, log: _Log) -> float:
     return max(duration, later)
 
 
-def _note_limits(environment: Environment, controller: Controller, dt: float, log: _Log) -> None:
+def _note_limits(environment: Environment, controller: Controller, dt: float, log: RunLog) -> None:
     """Log a warning if the reference exceeds the limits of the controller."""
     if isinstance(controller, LimitedController):
         with Guard(Outcome.CONTROLLER_FAILED, call="command_limits", limit=guard.PART_TIMEOUT):
             log.note(limits_notice(controller, environment.reference, dt))
-
-
-@lru_cache(maxsize=256)
-def warn_once(text: str) -> None:
-    """Log a warning, unless it has been logged lately in this process."""
-    _logger.warning(text)
 
 
 def _loop(
@@ -188,7 +171,7 @@ def _loop(
     pipeline: Pipeline,
     state: PlantState,
     samples: Iterable[tuple[float, float, bool]],
-    log: _Log,
+    log: RunLog,
 ) -> None:
     """Read the sensors, compute the command and step the plant, sample by sample."""
     before = _BEFORE_START
@@ -227,124 +210,3 @@ def _reason(message: str) -> tuple[str, str]:
     """Return the first line of a message, and the traceback below it; empty without one."""
     reason, _, rest = message.partition("\n")
     return one_line(reason), rest if "Traceback (most recent call last):" in rest else ""
-
-
-class _Row(NamedTuple):
-    """One sample of the log; the fields are those of :class:`Run`."""
-
-    t: float
-    pose: tuple[float, ...]
-    measured: tuple[float, ...]
-    position_sigma: float
-    yaw_sigma: float
-    target: tuple[float, ...]
-    command: tuple[float, ...]
-    twist: tuple[float, ...]
-    wheel_speed: tuple[float, ...]
-    wheel_torque: tuple[float, ...]
-    saturated: int
-    wheel_speed_command: tuple[float, ...]
-    wheel_torque_command: tuple[float, ...]
-    work: float
-    step_time: float
-    status: int
-    collisions: int
-    details: tuple[float, ...]
-
-
-@dataclass(slots=True)
-class _Log:
-    """Rows of the log, one per sample."""
-
-    pipeline: Pipeline
-    rows: list[_Row] = field(default_factory=list)
-    notices: list[Event] = field(default_factory=list)
-    """Notices of the controller at the start, and of the estimator."""
-    end: RunEnded = field(default_factory=lambda: RunEnded(Outcome.FINISHED))
-
-    def note(self, notice: str) -> None:
-        """Log a notice of the controller at the start as a warning, and as an event at 0 s."""
-        if notice:
-            warn_once(notice)
-            self.notices.append(Event(0.0, notice))
-
-    def add(self, t: float, state: PlantState, step: PipelineStep) -> None:
-        """Append one sample."""
-        estimate, command = step.state, step.command
-        value = command.value
-        if estimate.notice:
-            self.notices.append(Event(t, estimate.notice))
-        self.rows.append(
-            _Row(
-                t,
-                state.pose,
-                estimate.pose,
-                estimate.position_sigma,
-                estimate.yaw_sigma,
-                step.target,
-                value if isinstance(value, BodyTwist) else _UNKNOWN,
-                state.twist,
-                state.wheel_speeds,
-                state.wheel_torques,
-                state.saturated,
-                value if isinstance(value, WheelSpeeds) else (),
-                value if isinstance(value, WheelTorques) else (),
-                state.work,
-                step.step_time,
-                command.status,
-                state.collisions,
-                command.details,
-            )
-        )
-
-    def add_failed_start(self, start: Pose) -> None:
-        """Append the only row of a run that fails before its first sample, at rest at ``start``."""
-        state = PlantState(start, STOP, nan)
-        step = PipelineStep(State(0.0, Pose(*_UNKNOWN)), Pose(*_UNKNOWN), failed_command(""))
-        self.add(0.0, state, step)
-
-    def run(self, events: Sequence[Event]) -> Run:
-        """Return the log of the run."""
-        columns = dict(zip(_Row._fields, zip(*self.rows, strict=True), strict=True))
-        supervisor, units = self.pipeline.supervisor, self.pipeline.detail_units
-        outcome, reason = self.end.outcome, supervisor.stopped or self.end.reason
-        if reason and outcome is Outcome.FINISHED:
-            outcome = Outcome.STOPPED
-        return Run(
-            **{name: np.array(columns[name], dtype=float) for name in _REAL},
-            **{name: np.array(columns[name], dtype=np.int64) for name in _WHOLE},
-            **{name: _columns(columns[name]) for name in _PER_WHEEL},
-            outcome=outcome,
-            details=_detail_columns(columns["details"], units),
-            detail_units=dict(units),
-            events=tuple(sorted([*events, *self.notices, *supervisor.events], key=attrgetter("t"))),
-            reason=reason,
-            traceback=self.end.traceback,
-        )
-
-
-_REAL = (
-    "t", "pose", "measured", "position_sigma", "yaw_sigma", "target", "command", "twist", "work",
-    "step_time",
-)  # fmt: skip
-_WHOLE = ("saturated", "status", "collisions")
-_PER_WHEEL = ("wheel_speed", "wheel_torque", "wheel_speed_command", "wheel_torque_command")
-
-
-def _columns(rows: Sequence[tuple[float, ...]]) -> Float[Array, "rows wheels"]:
-    """Return the rows as an array, without columns if all are empty; NaN in shorter rows."""
-    wheels = max(map(len, rows))
-    if min(map(len, rows)) < wheels:
-        rows = [row if len(row) == wheels else (nan,) * wheels for row in rows]
-    return np.array(rows, dtype=float)
-
-
-def _detail_columns(
-    details: Sequence[tuple[float, ...]], units: Mapping[str, str]
-) -> dict[str, Float[Array, " rows"]]:
-    """Return the details by name; NaN in rows without details."""
-    if not units:
-        return {}
-    none = (nan,) * len(units)
-    columns = np.array([row or none for row in details], dtype=float)
-    return {name: columns[:, i] for i, name in enumerate(units)}

@@ -59,6 +59,22 @@ def _close(plant: Plant) -> None:
         _log.warning("the plant cannot be closed: %s", one_line(f"{type(error).__name__}: {error}"))
 
 
+def new_plant(planned: PlannedScenario, repeat: int = 0, *, on_map: bool = True) -> Plant:
+    """Return a new plant of a scenario; the caller closes it. Arguments: see :func:`plant_of`."""
+    scenario = planned.scenario
+    # independent of the random numbers of the noise
+    seed = np.random.SeedSequence(scenario.seed, spawn_key=(repeat,))
+    obstacles = planned.obstacles if on_map else None
+    moving = _moving_obstacles(planned) if on_map else ()
+    rng = np.random.default_rng(seed) if scenario.true_robot.roller_phase else None
+    plant: Plant = scenario.plant.make(PlantContext(planned.plant_robot, rng, obstacles, moving))
+    return plant
+
+
+def _moving_obstacles(planned: PlannedScenario) -> tuple[MovingObstacle, ...]:
+    return tuple(section.obstacle() for section in planned.scenario.map.moving)
+
+
 @contextmanager
 def plant_of(
     planned: PlannedScenario,
@@ -77,13 +93,9 @@ def plant_of(
         on_map: Whether the plant contains the obstacles of the map; otherwise an unbounded floor.
         observers: Observers of the run.
     """
-    scenario = planned.scenario
-    # independent of the random numbers of the noise
-    seed = np.random.SeedSequence(scenario.seed, spawn_key=(repeat,))
+    plant = new_plant(planned, repeat, on_map=on_map)
     obstacles = planned.obstacles if on_map else None
-    moving = tuple(section.obstacle() for section in scenario.map.moving) if on_map else ()
-    rng = np.random.default_rng(seed) if scenario.true_robot.roller_phase else None
-    plant = scenario.plant.make(PlantContext(planned.plant_robot, rng, obstacles, moving))
+    moving = _moving_obstacles(planned) if on_map else ()
     try:
         yield observe(
             plant, planned.plant_robot, reference, observers, obstacles=obstacles, moving=moving

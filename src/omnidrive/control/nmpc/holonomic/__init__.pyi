@@ -4,7 +4,7 @@ from .ipopt import HolonomicIpopt
 from .keep_out_zone import KeepOutZone, stack_keep_outs
 from .law import FallbackLevel
 from .limits import rate_limits, speed_limits, stack_limits
-from .motion_observer import ObservedMotion
+from .motion_memory import ObservedMotion
 from .parameters import HolonomicParameters
 from .problem import HolonomicProblem, KeepOutArrays, Limits
 from .slip_model import SlipModel

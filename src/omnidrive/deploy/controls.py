@@ -1,0 +1,81 @@
+"""Controls of a drive: arming, holding and stopping, from threads, signals and file descriptors."""
+
+from __future__ import annotations
+
+import select
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+class DriveControls:
+    """What the user asks for; every method may be called from any thread or signal handler.
+
+    A request to stop is final and has priority over all others.
+
+    Attributes:
+        stop_reason: Reason of the request to stop; None: there is none.
+        hold_reason: Reason of the request to hold; None: there is none.
+        arm_requested: Whether the robot is to be armed.
+    """
+
+    def __init__(self, *, arm: bool = False) -> None:
+        """Begin without a request.
+
+        Args:
+            arm: Whether to arm the robot as soon as it is connected.
+        """
+        self.stop_reason: str | None = None
+        self.hold_reason: str | None = None
+        self.arm_requested = arm
+        self._watched: dict[int, str] = {}
+
+    def arm(self) -> None:
+        """Let the drive begin, or go on after it was held."""
+        self.hold_reason, self.arm_requested = None, True
+
+    def hold(self, reason: str = "requested") -> None:
+        """Ramp the robot to zero speed until :meth:`arm` is called."""
+        self.arm_requested, self.hold_reason = False, reason
+
+    def stop(self, reason: str = "emergency stop") -> None:
+        """End the drive: zero speed at once."""
+        if self.stop_reason is None:
+            self.stop_reason = reason
+
+    def watch(self, descriptor: int, reason: str = "emergency stop") -> None:
+        """Stop when a file descriptor is readable or closed, such as that of a stop button."""
+        self._watched[descriptor] = reason
+
+    def poll(self) -> None:
+        """Read the watched file descriptors; the loop calls this in every sample."""
+        if not self._watched:
+            return
+        try:
+            ready = select.select(list(self._watched), [], [], 0.0)[0]
+        except (OSError, ValueError):  # one is closed
+            self.stop("the file descriptor of the emergency stop is closed")
+            return
+        for descriptor in ready:
+            self.stop(self._watched[descriptor])
+
+    @contextmanager
+    def of_signals(self) -> Iterator[None]:
+        """Stop at SIGINT, SIGTERM and SIGHUP within the context; only in the main thread."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def handle(number: int, _frame: FrameType | None) -> None:
+            self.stop(f"signal {signal.Signals(number).name}")
+
+        names = ("SIGINT", "SIGTERM", "SIGHUP")
+        numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+        before = {number: signal.signal(number, handle) for number in numbers}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)

@@ -1,0 +1,51 @@
+"""Robots and pipelines of scenarios, for drives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from omnidrive.control import Pipeline
+from omnidrive.deploy.links.simulated import SimulatedRobot
+from omnidrive.study.jobs import make_controller, make_estimator, make_sensors, make_supervisor
+from omnidrive.study.planned_scenario import PlannedScenario
+from omnidrive.study.plants import new_plant
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioRobot:
+    """A function that makes plant and sensors of a scenario, also in another process.
+
+    Attributes:
+        planned: The planned scenario.
+        noise: Whether the pose fixes have the noise of the paper.
+    """
+
+    planned: PlannedScenario
+    noise: bool = False
+
+    def __call__(self) -> SimulatedRobot:
+        """Return new plant and sensors, with the random numbers of the scenario's seed."""
+        planned, scenario = self.planned, self.planned.scenario
+        sensors = make_sensors(
+            scenario, planned.robot, np.random.default_rng([scenario.seed, 0]), noise=self.noise
+        )
+        return SimulatedRobot(planned.plant_robot, new_plant(planned), sensors)
+
+
+def scenario_pipeline(planned: PlannedScenario, label: str) -> Pipeline:
+    """Return a new pipeline of a scenario: its estimator, supervisor and one controller.
+
+    Args:
+        planned: The planned scenario.
+        label: Label of the controller.
+    """
+    scenario, robot = planned.scenario, planned.robot
+    rng = np.random.default_rng([scenario.seed, 1])
+    sensors = make_sensors(scenario, robot, np.random.default_rng(0))
+    return Pipeline(
+        make_controller(scenario, robot, label, rng=rng),
+        make_estimator(scenario, robot, sensors),
+        make_supervisor(scenario, robot),
+    )
