@@ -1,0 +1,108 @@
+"""Studies on the workers of a Dask scheduler."""
+
+import os
+import signal
+import warnings
+from contextlib import contextmanager
+from importlib import import_module
+from threading import Thread
+from time import monotonic, sleep
+
+import pytest
+
+from omnidrive.errors import InvalidInput, MissingExtra
+from omnidrive.study import cluster
+from omnidrive.study.cluster import ClusterPool, _execute, _versions
+from omnidrive.study.experiment import Experiment
+from omnidrive.study.store import Store
+from tests.study.synthetic import Compute, SyntheticPlan, table_bytes
+
+pytest.importorskip("distributed")
+
+
+@contextmanager
+def local_cluster(workers):
+    """Start a scheduler and workers in processes of their own; yield the cluster."""
+    import distributed
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        local = distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
+        )
+        with local:
+            yield local
+
+
+def stored(folder):
+    with Store(folder, read_only=True) as store:
+        return table_bytes(store.records())
+
+
+def execute_on_cluster(tmp_path, count, seconds, kill):
+    """Execute a study on a cluster and in this process; check that the tables are equal."""
+    plan = SyntheticPlan(count)
+    Experiment(plan, Compute(plan), tmp_path / "here", "definition").execute()
+    compute = Compute(plan, seconds=seconds)
+    folder = tmp_path / "cluster"
+    with local_cluster(2) as local:
+        killer = Thread(target=kill, args=(local, folder))
+        killer.start()
+        experiment = Experiment(plan, compute, folder, "definition")
+        experiment.execute(scheduler=local.scheduler_address)
+        killer.join()
+    assert stored(folder) == stored(tmp_path / "here")
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.long
+def test_killed_worker_of_a_cluster_changes_no_result(tmp_path):
+    killed = []
+
+    def kill(local, folder):
+        until = monotonic() + 60.0
+        while monotonic() < until:
+            with Store(folder, read_only=True) as store:
+                if store.status().runs > 20:
+                    break
+            sleep(0.05)
+        killed.append(next(iter(local.workers.values())).process.pid)
+        os.kill(killed[0], signal.SIGKILL)
+
+    (tmp_path / "cluster").mkdir()
+    with Store(tmp_path / "cluster"):
+        execute_on_cluster(tmp_path, 400, 0.02, kill)
+    assert killed
+
+
+def test_scheduler_that_does_not_answer_is_reported(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster, "_ANSWER_TIME", 0.2)
+    with (
+        warnings.catch_warnings(),
+        pytest.raises(InvalidInput, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9 "),
+    ):
+        warnings.simplefilter("ignore")
+        ClusterPool("tcp://127.0.0.1:9", int)
+    with pytest.raises(InvalidInput, match=r"no Dask scheduler answers at nonsense"):
+        ClusterPool("nonsense://", int)
+
+
+def test_missing_extra_is_reported(monkeypatch):
+    def missing(name):
+        raise ModuleNotFoundError(name)
+
+    monkeypatch.setattr(cluster, "import_module", missing)
+    with pytest.raises(MissingExtra, match=r"pip install 'omnidrive\[cluster\]'"):
+        ClusterPool("tcp://127.0.0.1:9", int)
+
+
+def test_worker_with_other_versions_is_refused():
+    with pytest.raises(InvalidInput, match=r"other versions: numpy .*; install the same ones"):
+        _execute(b"", b"", _versions() | {"numpy": "0.1"})
+
+
+def test_distributed_has_what_the_pool_uses():
+    distributed = import_module("distributed")
+    assert issubclass(distributed.scheduler.KilledWorker, Exception)
+    assert issubclass(distributed.client.FuturesCancelledError, Exception)
