@@ -75,14 +75,10 @@ def test_killed_worker_of_a_cluster_changes_no_result(tmp_path):
     assert killed
 
 
+@pytest.mark.filterwarnings("ignore")
 def test_scheduler_that_does_not_answer_is_reported(monkeypatch):
-    pytest.importorskip("distributed")
     monkeypatch.setattr(cluster, "_ANSWER_TIME", 0.2)
-    with (
-        warnings.catch_warnings(),
-        pytest.raises(InvalidInput, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9 "),
-    ):
-        warnings.simplefilter("ignore")
+    with pytest.raises(InvalidInput, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9 "):
         ClusterPool("tcp://127.0.0.1:9", int)
     with pytest.raises(InvalidInput, match=r"no Dask scheduler answers at nonsense"):
         ClusterPool("nonsense://", int)

@@ -47,6 +47,7 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
     """
     from omnidrive.cli.study_execution import count_text
     from omnidrive.cli.terminal import print_json, show
+    from omnidrive.study.claims import at_work
     from omnidrive.study.run_experiment import load_study
     from omnidrive.study.run_plan import RunPlan
     from omnidrive.study.store import Store
@@ -54,10 +55,10 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
     definition, until = load_study(folder, allow_code=True)
     planned = len(RunPlan(definition))
     with Store(folder, read_only=True) as store:
-        found = store.status()
+        found, working = store.status(), at_work(store)
     if json:
         facts = {"name": definition.name, "planned": planned, "until": until or None}
-        print_json({**facts, **found._asdict()})
+        print_json({**facts, **found._asdict(), "at_work": working._asdict()})
         return
     show(f"study {definition.name}: {planned:,} runs planned")
     if until:
@@ -66,8 +67,8 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
     show(f"stored: {found.runs:,}{share}: {count_text(found.outcomes)}")
     for number, reason in found.failures:
         show(f"  run {number}: {reason}")
-    show(f"at work: {found.claimed:,} runs in {found.processes} processes")
-    if found.runs < planned and not found.processes:
+    show(f"at work: {working.runs:,} runs in {working.processes} processes")
+    if found.runs < planned and not working.processes:
         show(f"continue with: omnidrive study resume {folder}")
 
 

@@ -15,21 +15,10 @@ from pathlib import Path
 from platform import node
 from threading import Event, Thread
 from time import monotonic
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 from uuid import uuid4
 
-if TYPE_CHECKING:
-    from omnidrive.study.store import KeyedPlan, Store
-
-SCHEMA = """
-CREATE TABLE processes (
-    id TEXT PRIMARY KEY, host TEXT NOT NULL, pid INTEGER NOT NULL, started TEXT NOT NULL,
-    beat INTEGER NOT NULL
-) STRICT, WITHOUT ROWID;
-CREATE TABLE claims (number INTEGER PRIMARY KEY, key TEXT NOT NULL, owner TEXT NOT NULL) STRICT;
-CREATE INDEX claimed_keys ON claims (key);
-"""
-"""Tables of the store that hold the claims."""
+from omnidrive.study.store import KeyedPlan, Store
 
 _RANGE = 2048  # numbers that are looked up at once
 
@@ -164,17 +153,21 @@ class Claims:
         connection.execute("INSERT OR REPLACE INTO processes VALUES (?,?,?,?,?)", row)
 
 
-def at_work(connection: sqlite3.Connection) -> tuple[int, int]:
-    """Return the number of claims of processes that may run, and the number of these processes."""
-    found = connection.execute("SELECT id, host, pid, started FROM processes").fetchall()
-    running = [
-        owner for owner, host, pid, start in found if host != HOST or _start_of(pid) == start
-    ]
-    counts = [
-        connection.execute("SELECT COUNT(*) FROM claims WHERE owner = ?", (owner,)).fetchone()[0]
-        for owner in running
-    ]
-    return sum(counts), len(running)
+class AtWork(NamedTuple):
+    """Work that is being done on a study."""
+
+    runs: int
+    """Runs that processes have claimed."""
+    processes: int
+    """Number of these processes; those of other computers may have ended a moment ago."""
+
+
+def at_work(store: Store) -> AtWork:
+    """Return the number of claims of processes that may run, and that of these processes."""
+    found = store.read("SELECT id, host, pid, started FROM processes")
+    running = [owner for owner, host, pid, at in found if host != HOST or _start_of(pid) == at]
+    claims = [owner for (owner,) in store.read("SELECT owner FROM claims")]
+    return AtWork(sum(owner in running for owner in claims), len(running))
 
 
 def _remove(connection: sqlite3.Connection, owner: str) -> None:

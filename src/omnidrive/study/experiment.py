@@ -100,7 +100,9 @@ class Experiment:
             name=lambda number: f"run {number}",
             largest=1 if time_limit is not None else _MOST_CLAIMED,
         )
-        here = in_process or must_be_in_process() or (processes == 1 and time_limit is None)
+        here = in_process or (
+            scheduler is None and (must_be_in_process() or (processes == 1 and time_limit is None))
+        )
         with Store(folder) as store:
             store.begin(self.definition)
             plan = PlanPrefix(self.plan, len(self.plan) if self.first is None else self.first)

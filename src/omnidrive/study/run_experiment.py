@@ -91,14 +91,9 @@ def run_experiment(
     if until is not None:
         with Store(path) as store:
             store.note("until", _rule_text(until))
-    experiment = Experiment(
-        plan,
-        NumberedRuns(planned, path / "series"),
-        path,
-        definition_hash(planned, plan),
-        first=plan.per_repetition * definition.repetitions,
-    )
-    experiment.execute(
+    runs, digest = NumberedRuns(planned, path / "series"), definition_hash(planned, plan)
+    first = plan.per_repetition * definition.repetitions
+    Experiment(plan, runs, path, digest, first).execute(
         processes,
         report=report,
         time_limit=run_timeout,

@@ -14,12 +14,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic, sleep
-from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
 from omnidrive.errors import CannotWrite, InvalidStore, one_line
 from omnidrive.files.str_path import StrPath, to_path
-from omnidrive.study.claims import SCHEMA as CLAIMS_SCHEMA
-from omnidrive.study.claims import at_work
 from omnidrive.study.output_paths import STORE_FILE as FILE
 from omnidrive.study.run_record import RunRecord
 
@@ -44,7 +42,12 @@ CREATE TABLE runs (
     variant TEXT NOT NULL, repetition INTEGER NOT NULL, factors TEXT NOT NULL
 ) STRICT;
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT, WITHOUT ROWID;
-{CLAIMS_SCHEMA}
+CREATE TABLE processes (
+    id TEXT PRIMARY KEY, host TEXT NOT NULL, pid INTEGER NOT NULL, started TEXT NOT NULL,
+    beat INTEGER NOT NULL
+) STRICT, WITHOUT ROWID;
+CREATE TABLE claims (number INTEGER PRIMARY KEY, key TEXT NOT NULL, owner TEXT NOT NULL) STRICT;
+CREATE INDEX claimed_keys ON claims (key);
 PRAGMA application_id = {_APPLICATION};
 PRAGMA user_version = {_VERSION};
 """
@@ -76,10 +79,6 @@ class StoreStatus(NamedTuple):
     """Stored runs by outcome."""
     failures: list[tuple[int, str]]
     """Number and reason of the first runs that ended early."""
-    claimed: int
-    """Runs that processes are computing."""
-    processes: int
-    """Number of these processes; those of other computers may have ended a moment ago."""
 
 
 class Store:
@@ -266,9 +265,13 @@ class Store:
             failures = self._connection.execute(
                 f"SELECT number, detail {joined} WHERE NOT finished ORDER BY number LIMIT 5"
             ).fetchall()
-            claimed, processes = at_work(self._connection)
         first = [(number, (detail.splitlines() or [""])[0]) for number, detail in failures]
-        return StoreStatus(counts.total(), dict(sorted(counts.items())), first, claimed, processes)
+        return StoreStatus(counts.total(), dict(sorted(counts.items())), first)
+
+    def read(self, query: str) -> list[tuple[Any, ...]]:
+        """Return the rows of a query."""
+        with self.errors():
+            return self._connection.execute(query).fetchall()
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:

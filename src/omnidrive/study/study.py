@@ -187,11 +187,8 @@ def run_study(
         with closing(executed):  # which ends the workers
             _collect_and_save(planned, finished, executed, _Outputs(store, stored, clock))
     results = _collect(planned, jobs, finished)
-    tables = study_tables(
-        results,
-        published=_is_published_study(scenario),
-        published_rules=scenario.preset == "published-code",
-    )
+    rules = scenario.preset == "published-code"
+    tables = study_tables(results, published=_is_published_study(scenario), published_rules=rules)
     if store:
         _report(store, results, tables, clock)
         store.save_results(planned, results, clock.seconds)
