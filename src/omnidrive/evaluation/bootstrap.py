@@ -46,7 +46,7 @@ def bootstrap_means(columns: Float[Array, "values columns"]) -> list[TestedMean]
     known = np.isfinite(columns)
     found: list[TestedMean | None] = [None] * columns.shape[1]
     for pattern, members in _by_pattern(known):
-        values = columns[np.ix_(pattern, members)]
+        values = columns[pattern][:, members]
         for k, tested in zip(members, _test_columns(values), strict=True):
             found[k] = tested
     return [each for each in found if each is not None]

@@ -77,7 +77,7 @@ def styles_of(types: Mapping[str, str]) -> dict[str, ControllerStyle]:
     Args:
         types: Name of the type of each controller by its label, in the order of the study.
     """
-    first = {kind: label for label, kind in reversed(types.items())}
+    first = {kind: label for label, kind in reversed(list(types.items()))}
     own = {first[kind]: colour for kind, colour in _TYPES.items() if kind in first}
     free = [*_FURTHER, *(colour for kind, colour in _TYPES.items() if kind not in first)]
     others = [label for label in types if label not in own]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from matplotlib.figure import Figure
@@ -33,7 +33,7 @@ def study_figures(
     study: StudyEvidence, answers: Sequence[TaskAnswer], styles: Mapping[str, ControllerStyle]
 ) -> Iterator[StudyFigure]:
     """Yield every figure for which the study has runs."""
-    for name, title, caption, draw in (
+    draws: list[tuple[str, str, str, Callable[[], Figure | None]]] = [
         ("distributions", "Distributions", _DISTRIBUTIONS,
          lambda: distributions(study, answers, styles)),
         ("pairs", "Paired differences", _PAIRS, lambda: paired_intervals(answers)),
@@ -41,7 +41,8 @@ def study_figures(
          lambda: error_and_time(study, answers, styles)),
         ("shares", "What matters", _SHARES, lambda: share_bars(study, answers)),
         ("heat_maps", "Two axes", _HEAT_MAPS, lambda: heat_maps(study, answers)),
-    ):  # fmt: skip
+    ]  # fmt: skip
+    for name, title, caption, draw in draws:
         with figure_style():
             figure = draw()
         if figure is not None:
