@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -12,8 +13,13 @@ from omnidrive.cli.terminal import conclude, print_json, show
 from omnidrive.errors import one_line
 
 if TYPE_CHECKING:
+    from omnidrive.deploy.drive import DriveResult
     from omnidrive.deploy.ros2.doctor import Examination, Finding
+    from omnidrive.deploy.ros2.drive_settings import DriveSettings
     from omnidrive.deploy.ros2.simulated_robot import SimulatedRobotSettings
+    from omnidrive.geometry import Pose
+    from omnidrive.reference import Reference
+    from omnidrive.robot import Robot
 
 ros2 = verb_group("Drive or simulate a robot in a ROS 2 graph, and examine the graph.")
 
@@ -230,3 +236,126 @@ def _settings(
     given = None if cmd_vel is None else choose_one("type of /cmd_vel", cmd_vel, types)
     usual = "Twist" if distribution in {"humble", "iron"} else "TwistStamped"
     return SimulatedRobotSettings(rate=rate, speed=speed, command_type=given or usual, clock=clock)
+
+
+@ros2.command()
+def drive(
+    reference: Annotated[
+        str | None,
+        option(
+            "NAME[,KEY=VALUE...]|FILE",
+            "Drive this motion once: a waypoint file, or a shape from the robot's pose on, such as "
+            "circle or eight [default: follow /plan and /goal_pose].",
+            complete=component("references"),
+        ),
+    ] = None,
+    params: Annotated[
+        Path | None, option("FILE.yaml", "Parameters, in the form of ROS 2 parameter files.")
+    ] = None,
+    robot: Annotated[
+        str | None,
+        option("NAME|FILE", "Robot, or a robot file.", None, complete=component("robots")),
+    ] = None,
+    controller: Annotated[
+        str | None,
+        option("NAME[,KEY=VALUE...]", "Controller.", None, complete=component("controllers")),
+    ] = None,
+    rate: Annotated[float | None, option("HZ", "Rate of the loop, Hz.")] = None,
+    speed: Annotated[float | None, option("M/S", "Limit of the speed along paths.")] = None,
+    world_frame: Annotated[str | None, option("NAME", "Frame of paths and goals.")] = None,
+    base_frame: Annotated[str | None, option("NAME", "Frame of the robot.")] = None,
+    cmd_vel: Annotated[str | None, option("TOPIC", "Topic of commands.")] = None,
+    odom: Annotated[str | None, option("TOPIC", "Topic of odometry.")] = None,
+    plan: Annotated[str | None, option("TOPIC", "Topic of paths.")] = None,
+    use_sim_time: Annotated[
+        bool | None, flag("Use the time of /clock.", None, "--use-sim-time")
+    ] = None,
+    drives: Annotated[
+        int | None, option("N", "Number of paths and goals [default: until stopped].", least=1)
+    ] = None,
+    domain: DomainOption = None,
+    peers: PeersOption = None,
+    distribution: DistributionOption = None,
+) -> None:
+    """Drive a robot in a ROS 2 graph with a controller of omnidrive.
+
+    The pose comes from /tf, /odom and /amcl_pose; commands go to /cmd_vel with the type that the
+    robot has. It publishes /diagnostics, local_plan and markers. True on /e_stop ends the drive;
+    after a hold, true on /omnidrive_drive/arm lets it go on.
+
+    For example:
+
+    * `omnidrive ros2 drive --robot mecanum --reference eight`
+    * `omnidrive ros2 drive --params drive.yaml --plan /plan_smoothed`
+    """
+    options = node_options(domain, peers, distribution)
+    settings = _drive_settings(
+        params,
+        robot=robot, controller=controller, rate=rate, speed=speed, world_frame=world_frame,
+        base_frame=base_frame, cmd_vel=cmd_vel, odom=odom, plan=plan, use_sim_time=use_sim_time,
+    )  # fmt: skip
+    if not _drive(settings, options, reference, drives):
+        raise typer.Exit(1)
+
+
+def _drive_settings(params: Path | None, **options: Any) -> DriveSettings:
+    """Return the settings of a file, if there is one, with the options."""
+    from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
+
+    settings = DriveSettings()
+    if params is not None:
+        settings = settings.with_values(read_parameters(params), f"{one_line(str(params))}: ")
+    return settings.with_values(options)
+
+
+def _drive(
+    settings: DriveSettings, options: dict[str, Any], reference: str | None, drives: int | None
+) -> bool:
+    """Drive, print the end of each drive, and return whether all were finished."""
+    from omnidrive.compiled import announce_compiling
+    from omnidrive.deploy.links.ros2 import Ros2Link
+    from omnidrive.deploy.ros2 import Node
+    from omnidrive.deploy.ros2.drive_reports import DriveReports
+    from omnidrive.deploy.ros2.drive_settings import NODE_NAME
+    from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower, PlanFollower
+
+    made = settings.make_robot()
+    with Node(NODE_NAME, **options) as node, announce_compiling():
+        link = Ros2Link(node, made, settings.link)
+        reports = DriveReports(node, link.ros_clock, settings.world_frame)
+        pipeline = settings.make_pipeline(made, reports)
+        follower = PathFollower(
+            link,
+            pipeline,
+            settings.rate,
+            DriveRequests(node, settings.stop),
+            speed=settings.speed,
+            margin=settings.margin,
+        )
+        if reference is not None:
+            motion = _motion(reference, made, follower.current_pose())
+            return _conclude(follower.drive(motion))
+        plans = PlanFollower(follower, settings.plan, settings.goal, settings.map)
+        show(f"waiting for paths on {settings.plan} and goals on {settings.goal}")
+        return all([_conclude(each) for each in plans.run(drives)])
+
+
+def _motion(text: str, robot: Robot, start: Pose) -> Reference:
+    """Return the motion of an option: a waypoint file, or a shape from the robot's pose on."""
+    from omnidrive.cli.components import reference_data
+    from omnidrive.components import configure
+    from omnidrive.reference.components import ReferenceContext
+
+    data = reference_data(text)
+    values = {key: value for key, value in data.items() if key != "type"}
+    motion: Reference = configure("references", data["type"], values).make(
+        ReferenceContext(robot, start)
+    )
+    return motion
+
+
+def _conclude(result: DriveResult) -> bool:
+    """Print the end of a drive; return whether it was finished."""
+    timing = result.timing
+    conclude(f"{result.ending}; {timing.misses} late samples, {result.limited} commands limited")
+    return result.finished

@@ -133,6 +133,8 @@ class PoseSource:
     _sigmas: tuple[float, float] = (nan, nan)
     _warned: str = ""
     _heard: bool = False
+    _stamps: dict[str, float] = field(default_factory=dict)
+    """Last stamp on each topic, s."""
     _subscriptions: list[tuple[Subscription, Callable[[Any], None]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -140,15 +142,14 @@ class PoseSource:
         odometry = "nav_msgs/msg/Odometry"
         localisation = "geometry_msgs/msg/PoseWithCovarianceStamped"
         static_qos = LATCHED_QOS._replace(depth=100)
-        subscribe = self.node.subscription
+        subscribe, amcl = self.node.subscription, self._take_localisation
         self._subscriptions = [
             (subscribe("/tf_static", tf, static_qos), self._take_static),
             (subscribe("/tf", tf, SENSOR_QOS._replace(depth=100)), self._take_transforms),
             (subscribe(self.odometry_topic, odometry, SENSOR_QOS), self._take_odometry),
-            (
-                subscribe(self.localisation_topic, localisation, LATCHED_QOS),
-                self._take_localisation,
-            ),
+            # AMCL latches its pose, others do not: a pose that comes twice changes nothing
+            (subscribe(self.localisation_topic, localisation, LATCHED_QOS), amcl),
+            (subscribe(self.localisation_topic, localisation, SENSOR_QOS), amcl),
         ]
 
     def read(self) -> PoseFix | None:
@@ -158,7 +159,7 @@ class PoseSource:
                 self._heard = True
                 take(received.message)
         moving = self._newest_stamp()
-        if moving is None and self._heard:
+        if moving is None and self._heard and not self._warned:
             known = ", ".join(self.tree.names()[:10])
             self._refuse(f"frame {self.frames.base} is not known; there are {known}")
         if moving is None or moving <= self._last:
@@ -210,7 +211,7 @@ class PoseSource:
             if child == self.frames.odom and parent == self.frames.world:
                 self._world_by_tf, self._sigmas = time.monotonic(), (nan, nan)
             if child == self.frames.base:
-                self._move(parent, pose, stamp)
+                self._move("/tf", parent, pose, stamp)
             else:
                 self._set(child, parent, pose, stamp)
 
@@ -218,7 +219,7 @@ class PoseSource:
         child, parent = _name(message.child_frame_id), _name(message.header.frame_id)
         stamp, pose = seconds(message.header.stamp), pose_of(message.pose.pose)
         if child == self.frames.base:
-            self._move(parent, pose, stamp)
+            self._move(self.odometry_topic, parent, pose, stamp)
         else:
             self._set(child, parent, pose, stamp)
 
@@ -241,16 +242,18 @@ class PoseSource:
                 else (nan, nan)
             )
 
-    def _move(self, parent: str, pose: Pose, stamp: float) -> None:
+    def _move(self, topic: str, parent: str, pose: Pose, stamp: float) -> None:
         """Take a pose of the robot in its parent frame; it must move no faster than it can."""
         if not (_is_usable(pose) and isfinite(stamp)):
             self._refuse("a pose of the robot is not finite")
             return
+        last_stamp, self._stamps[topic] = self._stamps.get(topic, -inf), stamp
+        if stamp < last_stamp:
+            self._refuse(f"stamps on {topic} go back by {last_stamp - stamp:.3g} s")
+            return
         if self._odometry and parent == self.frames.odom:
             before, last = self._odometry[-1]
-            if stamp <= before:  # the same pose comes on two topics
-                if stamp < before - MAX_AGE:
-                    self._refuse(f"stamps go back by {before - stamp:.3g} s")
+            if stamp <= before:  # it comes on two topics
                 return
             speed, turn = (_JUMP_SHARE * each for each in self.robot.top_speeds)
             distance = hypot(pose.x - last.x, pose.y - last.y)

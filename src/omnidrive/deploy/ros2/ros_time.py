@@ -44,3 +44,27 @@ class RosClock:
         if message is not None:
             self._simulated = seconds(message.clock)
         return self._simulated
+
+
+class SimulatedTimeClock:
+    """The time of ``/clock`` as clock of a drive, which then runs at the speed of the simulation.
+
+    Args:
+        clock: The time of ROS.
+        timeout: Time without progress of ``/clock`` after which waiting ends, s.
+    """
+
+    def __init__(self, clock: RosClock, timeout: float = 1.0) -> None:
+        self._clock, self._timeout = clock, timeout
+
+    def now(self) -> float:
+        """Return the present time, s; 0 before the first message."""
+        return self._clock.now() or 0.0
+
+    def sleep_until(self, t: float) -> None:
+        """Sleep until the time ``t`` (s); return earlier if the simulation is paused."""
+        last, since = self.now(), time.monotonic()
+        while (now := self.now()) < t and time.monotonic() - since < self._timeout:
+            if now != last:
+                last, since = now, time.monotonic()
+            time.sleep(0.0005)

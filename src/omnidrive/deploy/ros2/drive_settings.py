@@ -1,0 +1,193 @@
+"""Settings of ``omnidrive ros2 drive``, from a parameter file of ROS 2 and from options."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from omnidrive.components import configure, parse_specification
+from omnidrive.control import Controller, Pipeline
+from omnidrive.control.components import ControllerContext
+from omnidrive.control.controller import check_controller
+from omnidrive.deploy.links.ros2 import Ros2LinkSettings
+from omnidrive.deploy.ros2.drive_reports import DriveReports, ReportedPipeline
+from omnidrive.deploy.ros2.pose_source import Frames
+from omnidrive.errors import InvalidInput, one_line, short_repr, suggestion
+from omnidrive.files.str_path import StrPath, to_path
+from omnidrive.files.yaml_file import read_yaml
+from omnidrive.parameter import Bounds, check_bounds, check_number
+from omnidrive.robot import Robot, named_robot
+
+_EVERY_NODE = "/**"
+_SPEEDS = Bounds(0.001, 100.0, "m/s")
+NODE_NAME = "omnidrive_drive"
+"""Name of the node that drives."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSettings:
+    """Settings of a drive in a graph of ROS 2; the parameters of the node ``omnidrive_drive``."""
+
+    robot: str = "paper"
+    """Robot, or a robot file."""
+    controller: str = "holonomic-nmpc"
+    """Controller, ``NAME[,KEY=VALUE...]``; in a file also ``{type: NAME, KEY: VALUE}``."""
+    rate: Annotated[float, Bounds(1.0, 1000.0, "Hz")] = 50.0
+    """Rate of the loop."""
+    speed: float | None = None
+    """Limit of the speed along paths; None: that of the robot."""
+    margin: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.1
+    """Distance from obstacles of the map, in addition to the robot's radius."""
+    world_frame: str = "map"
+    """Frame of paths and goals."""
+    odom_frame: str = "odom"
+    """Frame of odometry."""
+    base_frame: str = "base_link"
+    """Frame of the robot."""
+    cmd_vel: str = "/cmd_vel"
+    """Topic of commands."""
+    command_type: Literal["Twist", "TwistStamped"] | None = None
+    """Type of commands; None: that of the robot's subscription."""
+    odom: str = "/odom"
+    """Topic of odometry."""
+    plan: str = "/plan"
+    """Topic of paths."""
+    goal: str = "/goal_pose"
+    """Topic of goals, which need a map."""
+    map: str = "/map"
+    """Topic of the map."""
+    stop: str = "/e_stop"
+    """Topic on which true ends the drive."""
+    use_sim_time: bool = False
+    """Whether the time is that of ``/clock``."""
+    timeout: Annotated[float, Bounds(0.1, 600.0, "s")] = 10.0
+    """Time for which the robot is waited for."""
+
+    def with_values(self, values: Mapping[str, Any], where: str = "") -> DriveSettings:
+        """Return the settings with other values; None: unchanged.
+
+        Args:
+            values: Values by name of the field.
+            where: Source of the values, for messages.
+
+        Raises:
+            InvalidInput: A name is not known, or a value has another type or is out of range.
+        """
+        known = {each.name for each in fields(self)}
+        hints = get_type_hints(DriveSettings, include_extras=True)
+        checked: dict[str, Any] = {}
+        for name, value in values.items():
+            if name not in known:
+                raise InvalidInput(
+                    f"{where}there is no parameter {short_repr(name)}{suggestion(name, known)}"
+                )
+            if value is not None:
+                checked[name] = _checked(f"{where}{name}", value, hints[name])
+        changed = replace(self, **checked)
+        try:
+            check_bounds(changed)
+            if changed.speed is not None:
+                check_number("speed", changed.speed, _SPEEDS)
+        except InvalidInput as error:
+            raise InvalidInput(f"{where}{error}") from None
+        return changed
+
+    @property
+    def link(self) -> Ros2LinkSettings:
+        """Settings of the link."""
+        return Ros2LinkSettings(
+            frames=Frames(self.world_frame, self.odom_frame, self.base_frame),
+            cmd_vel=self.cmd_vel,
+            command_type=self.command_type,
+            odom=self.odom,
+            use_sim_time=self.use_sim_time,
+            timeout=self.timeout,
+        )
+
+    def make_robot(self) -> Robot:
+        """Return the robot."""
+        return named_robot(self.robot)
+
+    def make_pipeline(self, robot: Robot, reports: DriveReports | None = None) -> Pipeline:
+        """Return the pipeline of a drive: the controller, with the latest pose as estimate.
+
+        Raises:
+            InvalidInput: The controller does not exist, or a parameter is not valid.
+        """
+        given = parse_specification(self.controller)
+        context = ControllerContext(robot, 1.0 / self.rate, np.random.default_rng(0))
+        controller: Controller = configure("controllers", given.type, given.values).make(context)
+        check_controller(controller, 1.0 / self.rate)
+        return ReportedPipeline(controller, reports=reports)
+
+
+def read_parameters(path: StrPath, node: str = NODE_NAME) -> dict[str, Any]:
+    """Return the parameters of a node from a YAML file as of ``ros2 run --params-file``.
+
+    Args:
+        path: The file: ``NODE: {ros__parameters: {NAME: VALUE}}``, and ``/**`` for every node.
+        node: Name of the node.
+
+    Raises:
+        InvalidInput: The file is missing or malformed, or has no parameters of the node.
+    """
+    path = to_path(path)
+    name = one_line(str(path))
+    data = read_yaml(path, "parameter file", InvalidInput)
+    if not isinstance(data, dict):
+        raise InvalidInput(f"{name} is not a parameter file of ROS 2: no mapping")
+    found: dict[str, Any] = {}
+    for key in (_EVERY_NODE, node, f"/{node}"):
+        if key in data:
+            section = data[key]
+            if not isinstance(section, dict) or not isinstance(
+                section.get("ros__parameters"), dict
+            ):
+                raise InvalidInput(f"{name}: {key} has no mapping ros__parameters")
+            found |= section["ros__parameters"]
+    if not found:
+        raise InvalidInput(
+            f"{name} has no parameters of {node}; there are {', '.join(map(str, data))}"
+        )
+    controller = found.get("controller")
+    if isinstance(controller, dict):
+        found["controller"] = _specification(controller, name)
+    return found
+
+
+def _specification(data: Mapping[str, Any], name: str) -> str:
+    """Return a mapping as ``NAME,KEY=VALUE``."""
+    if not isinstance(data.get("type"), str):
+        raise InvalidInput(f"{name}: controller has no type, such as holonomic-nmpc")
+    parts = [data["type"]]
+    for key, value in data.items():
+        if key == "type":
+            continue
+        if isinstance(value, dict | list):
+            raise InvalidInput(f"{name}: controller.{key} must be one value")
+        text = str(value).lower() if isinstance(value, bool) else f"{value}"
+        parts.append(f"{key}={text}")
+    return ",".join(parts)
+
+
+def _checked(name: str, value: Any, hint: Any) -> Any:
+    """Return a value of the type of its field."""
+    options = [each for each in get_args(hint) if each is not type(None)] or [hint]
+    if get_origin(hint) is Annotated:
+        options = [hint]
+    kind = options[0]
+    if get_origin(kind) is Annotated:
+        kind = get_args(kind)[0]
+    if get_origin(hint) is Literal or get_origin(kind) is Literal or isinstance(kind, str):
+        allowed = get_args(kind) if get_origin(kind) is Literal else tuple(options)
+        if value not in allowed:
+            raise InvalidInput(f"{name} is one of {', '.join(allowed)}, got {short_repr(value)}")
+        return value
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, kind):
+        raise InvalidInput(f"{name} must be a {kind.__name__}, got {short_repr(value)}")
+    return value
