@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from omnidrive.deploy.drive import DriveResult
     from omnidrive.deploy.ros2.doctor import Examination, Finding
     from omnidrive.deploy.ros2.drive_settings import DriveSettings
-    from omnidrive.deploy.ros2.simulated_robot import SimulatedRobotSettings
+    from omnidrive.deploy.ros2.simulated_robot import Ros2RobotSettings
     from omnidrive.geometry import Pose
     from omnidrive.reference import Reference
     from omnidrive.robot import Robot
@@ -184,16 +184,14 @@ def simulate(
     from math import inf
 
     from omnidrive.deploy.ros2 import Node
-    from omnidrive.deploy.ros2.simulated_robot import SimulatedRobot
+    from omnidrive.deploy.ros2.simulated_robot import Ros2Robot
 
     options = node_options(domain, peers, distribution)
     made, chosen, pose, grid, rng = _simulated(robot, plant, map, start, seed)
     try:
         with Node("omnidrive_robot", **options) as node:
             settings = _settings(node.distribution, rate, speed, cmd_vel, clock)
-            simulated = SimulatedRobot(
-                node, made, chosen, pose, settings=settings, grid=grid, rng=rng
-            )
+            simulated = Ros2Robot(node, made, chosen, pose, settings=settings, grid=grid, rng=rng)
             show(
                 f"{chosen.name} on {plant} in domain {node.domain}, {node.distribution}: "
                 f"/cmd_vel is geometry_msgs/msg/{settings.command_type}"
@@ -229,13 +227,13 @@ def _simulated(robot: str, plant: str, map_name: str | None, start: str, seed: i
 
 def _settings(
     distribution: str, rate: float, speed: float, cmd_vel: str | None, clock: bool
-) -> SimulatedRobotSettings:
-    from omnidrive.deploy.ros2.simulated_robot import SimulatedRobotSettings
+) -> Ros2RobotSettings:
+    from omnidrive.deploy.ros2.simulated_robot import Ros2RobotSettings
 
     types = ("Twist", "TwistStamped")
-    given = None if cmd_vel is None else choose_one("type of /cmd_vel", cmd_vel, types)
-    usual = "Twist" if distribution in {"humble", "iron"} else "TwistStamped"
-    return SimulatedRobotSettings(rate=rate, speed=speed, command_type=given or usual, clock=clock)
+    given: Any = None if cmd_vel is None else choose_one("type of /cmd_vel", cmd_vel, types)
+    usual: Any = "Twist" if distribution in {"humble", "iron"} else "TwistStamped"
+    return Ros2RobotSettings(rate=rate, speed=speed, command_type=given or usual, clock=clock)
 
 
 @ros2.command()

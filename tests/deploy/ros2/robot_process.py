@@ -4,7 +4,7 @@ import threading
 import time
 from contextlib import contextmanager
 
-from omnidrive.deploy.ros2 import Node, SimulatedRobot, SimulatedRobotSettings, message_type
+from omnidrive.deploy.ros2 import Node, Ros2Robot, Ros2RobotSettings, message_type
 from omnidrive.deploy.ros2.planar_messages import set_pose, set_transform
 from omnidrive.deploy.ros2.ros_time import stamp
 from omnidrive.geometry import Pose
@@ -19,12 +19,12 @@ def running_robot(domain, **settings):
     """A simulated robot that moves in a thread."""
     options = {"domain": domain, "peers": ["localhost"], "distribution": "jazzy"}
     with Node("robot", **options) as node:
-        robot = SimulatedRobot(
+        robot = Ros2Robot(
             node,
             KinematicPlant(ROBOT),
             ROBOT,
             Pose(0.0, 0.0, 0.0),
-            settings=SimulatedRobotSettings(**settings),
+            settings=Ros2RobotSettings(**settings),
         )
         ended = threading.Event()
 

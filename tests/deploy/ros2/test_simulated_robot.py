@@ -20,8 +20,8 @@ from omnidrive.deploy.ros2.planar_messages import (
 from omnidrive.deploy.ros2.robot_description import robot_description
 from omnidrive.deploy.ros2.ros_time import RosClock, seconds, stamp
 from omnidrive.deploy.ros2.simulated_robot import (
-    SimulatedRobot,
-    SimulatedRobotSettings,
+    Ros2Robot,
+    Ros2RobotSettings,
     scan_ranges,
 )
 from omnidrive.errors import InvalidInput, InvalidMap
@@ -79,12 +79,12 @@ class Bench:
 
 @pytest.fixture(params=["Twist", "TwistStamped"])
 def bench(request):
-    settings = SimulatedRobotSettings(command_type=request.param, clock=True, rate=20.0)
+    settings = Ros2RobotSettings(command_type=request.param, clock=True, rate=20.0)
     domain = new_domain()
     options = {"domain": domain, "peers": ["localhost"], "distribution": "jazzy"}
     with Node("robot", **options) as node, Node("client", **options) as client:
         plant = KinematicPlant(ROBOT)
-        yield Bench(SimulatedRobot(node, plant, ROBOT, START, settings=settings, grid=GRID), client)
+        yield Bench(Ros2Robot(node, plant, ROBOT, START, settings=settings, grid=GRID), client)
 
 
 def newest(subscription):
@@ -201,6 +201,6 @@ def test_maps_that_do_not_fit_are_refused():
 
 def test_settings_out_of_range_are_refused():
     options = {"domain": new_domain(), "peers": ["localhost"], "distribution": "jazzy"}
-    settings = SimulatedRobotSettings(rate=0.0)
+    settings = Ros2RobotSettings(rate=0.0)
     with Node("robot", **options) as node, pytest.raises(InvalidInput, match="rate is 0 Hz"):
-        SimulatedRobot(node, KinematicPlant(ROBOT), ROBOT, START, settings=settings)
+        Ros2Robot(node, KinematicPlant(ROBOT), ROBOT, START, settings=settings)

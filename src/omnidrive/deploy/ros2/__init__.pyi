@@ -5,7 +5,7 @@ from .graph import Endpoint, Graph, Participant
 from .interface import Distribution, definition_text, interface, interfaces
 from .message import Message, message_type
 from .node import Node, Publisher, Received, Subscription
-from .simulated_robot import SimulatedRobot, SimulatedRobotSettings
+from .simulated_robot import Ros2Robot, Ros2RobotSettings
 from .type_hash import type_hash
 
 __all__ = [
@@ -22,8 +22,8 @@ __all__ = [
     "Publisher",
     "Qos",
     "Received",
-    "SimulatedRobot",
-    "SimulatedRobotSettings",
+    "Ros2Robot",
+    "Ros2RobotSettings",
     "Subscription",
     "decode",
     "definition_text",

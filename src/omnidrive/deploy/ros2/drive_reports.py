@@ -53,7 +53,7 @@ class DriveReports:
 
     def path(self, now: Message, poses: list[Pose]) -> Message:
         """Return poses in W as ``nav_msgs/msg/Path``."""
-        path = self._plan.message()
+        path: Message = self._plan.message()
         path.header.stamp, path.header.frame_id = now, self._world
         for pose in poses:
             each: Any = message_type("geometry_msgs/msg/PoseStamped", self._node.distribution)()
@@ -83,7 +83,7 @@ class DriveReports:
 
     def _arrow(self, now: Message, pose: Pose) -> Message:
         """Return an arrow at the reference pose."""
-        arrow: Any = message_type("visualization_msgs/msg/Marker", self._node.distribution)()
+        arrow = message_type("visualization_msgs/msg/Marker", self._node.distribution)()
         arrow.header.stamp, arrow.header.frame_id = now, self._world
         arrow.ns, arrow.id = self._node.name, 0
         set_pose(arrow.pose, pose)

@@ -42,7 +42,7 @@ _TWIST_SIGMAS = (0.02, 0.02, 0.02)  # m/s, m/s, rad/s
 
 
 @dataclass(frozen=True, slots=True)
-class SimulatedRobotSettings:
+class Ros2RobotSettings:
     """Settings of a simulated robot in the graph."""
 
     rate: Annotated[float, Bounds(1.0, 1000.0, "Hz")] = 50.0
@@ -59,7 +59,7 @@ class SimulatedRobotSettings:
     """Laser scanner, which sees the map."""
 
 
-class SimulatedRobot:
+class Ros2Robot:
     """A plant that takes commands from the graph and publishes what a robot does.
 
     It subscribes to ``/cmd_vel`` and publishes ``/odom`` (dead reckoning by wheel encoders, which
@@ -92,7 +92,7 @@ class SimulatedRobot:
         robot: Robot,
         start: Pose,
         *,
-        settings: SimulatedRobotSettings = SimulatedRobotSettings(),
+        settings: Ros2RobotSettings = Ros2RobotSettings(),
         grid: OccupancyGrid | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
@@ -249,7 +249,7 @@ class SimulatedRobot:
         bearings = settings.bearings
         ranges = scan_ranges(grid, self._state.pose, bearings, settings.max_range)
         noisy = ranges + settings.sigma * self._rng.standard_normal(len(ranges))
-        scan = self._publishers["scan"].message()
+        scan: Message = self._publishers["scan"].message()
         scan.header.stamp, scan.header.frame_id = now, "laser"
         scan.angle_min, scan.angle_max = float(bearings[0]), float(bearings[-1])
         scan.angle_increment = float(bearings[1] - bearings[0]) if len(bearings) > 1 else 0.0
