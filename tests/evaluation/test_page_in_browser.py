@@ -12,10 +12,17 @@ import pytest
 from PIL import Image
 
 from omnidrive.evaluation import Table, headline, study_tables, verdicts
+from omnidrive.evaluation.evidence import StudyEvidence
+from omnidrive.evaluation.evidence_tables import evidence_tables
 from omnidrive.evaluation.page import write_page
+from omnidrive.evaluation.page.evidence import EvidencePage, PageFigure
 from omnidrive.evaluation.palette import controller_styles
+from omnidrive.evaluation.run_table import RunTable
+from omnidrive.evaluation.study_answer import study_answers
+from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.maps import OccupancyGrid
 from omnidrive.simulation import Outcome
+from tests.evaluation.synthetic_runs import synthetic_table
 from tests.evaluation.truncation import truncated
 
 pytestmark = pytest.mark.browser
@@ -64,7 +71,10 @@ def visit(browser, tmp_path):
 
     def opened(results, tables=TABLES, **options):
         path = tmp_path / "report.html"
-        write_page(results, tables, path)
+        if isinstance(results, str):
+            path.write_text(results, encoding="utf-8")
+        else:
+            write_page(results, tables, path)
         context = browser.new_context(
             **{"viewport": {"width": 1280, "height": 800}, "reduced_motion": "reduce", **options}
         )
@@ -429,3 +439,28 @@ def test_study_without_runs_shows_tables(part, visit):
     page = visit(replace(part, tracks=()))
     assert not page.locator("#map").is_visible()
     assert page.get_by_role("table", name="Steps").is_visible()
+
+
+def evidence_text():
+    """Return the report of a study whose names are hostile."""
+    table = synthetic_table({HOSTILE: 0.05, "b": 0.06}, repetitions=12, axes={"x": [1.0, 2.0]})
+    evidence = StudyEvidence(RunTable(table))
+    facts = StudyFacts(HOSTILE, HOSTILE, {"Plant": HOSTILE}, definition=HOSTILE, command=HOSTILE)
+    figure = PageFigure(HOSTILE, HOSTILE, b'<svg xmlns="http://www.w3.org/2000/svg"/>')
+    return EvidencePage(
+        facts, evidence, study_answers(evidence), evidence_tables(evidence), [], [figure],
+        facts.styles(evidence.runs.controllers),
+    ).text()  # fmt: skip
+
+
+def test_report_of_a_study_works_offline_in_both_themes(visit):
+    page = visit(evidence_text(), viewport={"width": 390, "height": 800})
+    assert page.evaluate("window.hacked") is None
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert HOSTILE in page.locator("h1").inner_text()
+    before = page.evaluate("document.documentElement.dataset.theme")
+    page.click("#theme")
+    assert {before, page.evaluate("document.documentElement.dataset.theme")} == {"light", "dark"}
+    swatch = page.locator(".swatch").first
+    assert swatch.evaluate("e => getComputedStyle(e).backgroundColor") != "rgba(0, 0, 0, 0)"
+    assert page.locator("table").count() == 5

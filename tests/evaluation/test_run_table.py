@@ -91,3 +91,10 @@ def test_settling_time_is_that_of_the_slowest_axis_with_a_step():
     found = RunTable(table)
     assert found.values("settling_time") == pytest.approx([3.0, np.nan, 2.0], nan_ok=True)
     assert found.metrics[-1] == "settling_time"
+
+
+def test_axes_with_many_values_are_not_shown_value_by_value():
+    axes = {"few": [1.0, 2.0], "many": [float(k) for k in range(51)]}
+    runs = RunTable(synthetic_table({"pid": 1.0}, repetitions=1, axes=axes))
+    assert runs.axes == ("few", "many")
+    assert runs.shown_axes == ("few",)

@@ -33,7 +33,6 @@ SECONDARY = (
 )  # fmt: skip
 """Quantities that are shown beside the compared one."""
 
-_MAX_LEVELS = 50  # of an axis in a table
 _MAX_REASONS = 20
 
 
@@ -53,7 +52,7 @@ def evidence_tables(study: StudyEvidence, metric: str | None = None) -> list[Tab
         *_summary_tables(answers),
         _secondary_table(study, answers),
         _pair_table(study, answers),
-        *(_axis_table(study, answers, path) for path in study.runs.axes),
+        *(_axis_table(study, answers, path) for path in study.runs.shown_axes),
         _share_table(study.runs, answers),
         _failure_table(study.runs),
     ]
@@ -210,7 +209,7 @@ def _axis_table(study: StudyEvidence, answers: Sequence[TaskAnswer], path: str) 
     rows = []
     for answer in answers:
         task, measure = answer.evidence.task, answer.evidence.measure
-        for each in study.along(measure.name, path).get(task, [])[:_MAX_LEVELS]:
+        for each in study.along(measure.name, path).get(task, []):
             rows += _level_rows(task, level_text(each.level), each.evidence)
     controllers = list(dict.fromkeys(s.controller for a in answers for s in a.evidence.summaries))
     lost = not study.runs.finished.all()

@@ -18,6 +18,9 @@ from omnidrive.evaluation.results import STEP_AXES
 FACTOR_PREFIX = "factor:"
 """Prefix of the columns with the values of axes and random factors, before their path."""
 
+MAX_LEVELS = 50
+"""Number of values of an axis up to which each is shown."""
+
 _SETTLING = tuple(f"settling_time_{axis}" for axis in STEP_AXES)
 
 IDENTITY = (
@@ -160,6 +163,11 @@ class RunTable:
     def axes(self) -> tuple[str, ...]:
         """Paths of the factors whose values are combined with every repetition."""
         return tuple(path for path in self.factors if path not in self.random_factors)
+
+    @cached_property
+    def shown_axes(self) -> tuple[str, ...]:
+        """Axes with few values, of which tables and curves show every one."""
+        return tuple(path for path in self.axes if len(self.levels(path)[0]) <= MAX_LEVELS)
 
     def levels(self, path: str) -> tuple[list[Any], Int[Array, " runs"]]:
         """Return the different values of a factor in increasing order, and the index of each row.

@@ -47,7 +47,7 @@ def study_figures(
             figure = draw()
         if figure is not None:
             yield StudyFigure(name, title, caption, figure)
-    for k, path in enumerate(study.runs.axes[:_MAX_CURVES]):
+    for k, path in enumerate(study.runs.shown_axes[:_MAX_CURVES]):
         with figure_style():
             figure = axis_curves(study, answers, styles, path)
         if figure is not None:
