@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from functools import cache
 from math import isfinite
 from numbers import Integral, Real
 from typing import Any, NamedTuple, cast, get_type_hints
@@ -49,6 +50,11 @@ class Bounds(NamedTuple):
 
 def bounds_of(params: type[Any]) -> dict[str, Bounds]:
     """Return the bounds of all annotated fields of a parameter class, in field order."""
+    return dict(_bounds_of(params))
+
+
+@cache  # evaluating the annotations takes a fifth of a millisecond
+def _bounds_of(params: type[Any]) -> dict[str, Bounds]:
     hints = get_type_hints(params, include_extras=True)
     return {
         name: meta

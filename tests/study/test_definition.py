@@ -73,6 +73,28 @@ def test_multiples_are_of_the_robot_in_the_scenario_also_if_it_is_an_axis():
     assert [run.factors["plant_robot.mass times"] for run in plan] == [1.0, 1.5, 1.0, 1.5]
 
 
+def test_parameters_of_a_preset_have_paths_and_multiples():
+    """Their values are not in the data of the scenario."""
+    plan = RunPlan(
+        study(
+            scenario="recommended",
+            axes={
+                "controllers.fuzzy_t1.position.kp": {"times": [1.0, 2.0]},
+                "controllers.pid.heading.ki": [0.5],
+            },
+            set={"tasks": {"track": {"durations": [20]}}},
+        )
+    )
+    found = [run.scenario.controllers for run in plan if run.job.controller == "fuzzy_t1"]
+    first, second = (each["fuzzy_t1"].parameters.position.kp for each in found)
+    resolved = plan.definition.scenario.controllers["fuzzy_t1"].resolved("recommended")
+    assert first == resolved.parameters.position.kp
+    assert second == 2.0 * first
+    assert found[0]["pid"].parameters.heading.ki == 0.5
+    text = problems(axes={"controllers.fuzzy_t1.position.kq": [1.0]})
+    assert "did you mean 'controllers.fuzzy_t1.position.k" in text
+
+
 def test_cases_set_several_settings_together():
     cases = {"near": {"goal": [5, 6], "sample_time": 0.05}, "far": {"goal": [8, 6]}}
     plan = RunPlan(study(axes={"route": {"cases": cases}}, set={"controllers": ["pid"]}))
@@ -185,7 +207,7 @@ def test_saved_study_is_the_same_study(tmp_path):
 def test_studies_of_the_package_are_valid():
     for name in study_names():
         definition = load_definition(name)
-        assert definition.name == name
+        assert definition.name.startswith(name)
         assert definition.question.endswith("?")
         assert RunPlan(definition)[0].job
     with pytest.raises(InvalidStudy, match="did you mean 'paper'"):
@@ -198,6 +220,15 @@ def test_changes_replace_settings_and_fix_axes():
     assert fixed.axes == ()
     assert fixed.scenario.sample_time == 0.2
     assert fixed.scenario.plant.type == "kinematic"
+
+
+def test_changes_add_a_controller():
+    changes = {"controllers.mine": {"type": "feedforward", "position": 9.0}}
+    scenario = parse_definition(HEAD, "x", changes=changes).scenario
+    assert scenario.controllers["mine"].values["position"] == 9.0
+    assert list(scenario.controllers)[-1] == "mine"
+    with pytest.raises(InvalidStudy, match=r"has no 'controllers\.mine\.position'"):
+        parse_definition(HEAD, "x", changes={"controllers.mine.position": 9.0})
 
 
 def test_further_repetitions_need_a_method_that_can_be_extended():

@@ -6,11 +6,11 @@ from math import nan
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.control import Status
-from omnidrive.evaluation.path_error import arrival, path_errors
+from omnidrive.evaluation.path_error import PathErrors, arrivals, path_errors, path_errors_of
 from omnidrive.geometry import wrap
 from omnidrive.robot import Chassis
 from omnidrive.simulation import Run
@@ -56,14 +56,14 @@ START_PHASE = 2.0
 """Duration of the initial phase that the ``*_after_start`` metrics exclude, s."""
 
 
-def heading_error(pose: Float[Array, "rows 3"], target: Float[Array, "rows 3"]) -> Array:
+def heading_error(pose: Float[Array, "... rows 3"], target: Float[Array, "... rows 3"]) -> Array:
     """Return the heading of ``pose`` minus that of ``target``, wrapped to [-pi, pi), rad."""
-    return wrap(pose[:, 2] - target[:, 2])
+    return wrap(pose[..., 2] - target[..., 2])
 
 
-def position_error(pose: Float[Array, "rows 3"], target: Float[Array, "rows 3"]) -> Array:
+def position_error(pose: Float[Array, "... rows 3"], target: Float[Array, "... rows 3"]) -> Array:
     """Return the distance between the positions of ``pose`` and ``target``, m."""
-    error: Float[Array, " rows"] = np.hypot(pose[:, 0] - target[:, 0], pose[:, 1] - target[:, 1])
+    error: Array = np.hypot(pose[..., 0] - target[..., 0], pose[..., 1] - target[..., 1])
     return error
 
 
@@ -79,33 +79,70 @@ def commanded_wheel_speeds(run: Run, chassis: Chassis) -> Float[Array, "rows whe
     return speeds
 
 
+class LoggedRuns(NamedTuple):
+    """Logs of runs with the same samples on one reference; fields as of :class:`Run`."""
+
+    t: Float[Array, " rows"]
+    """Times, s."""
+    target: Float[Array, "rows 3"]
+    """Poses of the reference; m, m, rad."""
+    pose: Float[Array, "runs rows 3"]
+    """True poses; m, m, rad."""
+    measured: Float[Array, "runs rows 3"]
+    """Measured poses; m, m, rad."""
+    wheel_speeds: Float[Array, "runs rows wheels"]
+    """Commanded wheel speeds before saturation, rad/s; the last row is not used."""
+    work: Float[Array, " runs"]
+    """Work of the motors at the end, J."""
+    fallbacks: Int[Array, " runs"]
+    """Number of steps without a converged solution of the controller."""
+
+
 def measure(run: Run, chassis: Chassis) -> Metrics:
     """Compute the metrics of a run; ``chassis`` converts body twists to wheel speeds."""
-    distance = position_error(run.pose, run.target)
-    turn = np.abs(heading_error(run.pose, run.target))
-    on_path = path_errors(run)
-    late = run.t >= START_PHASE
-    if not late.any():
-        late[-1] = True
-    wheels = commanded_wheel_speeds(run, chassis)[:-1]
-    change = np.abs(np.diff(wheels, axis=0, prepend=np.zeros((1, wheels.shape[1]))))
+    logged = LoggedRuns(
+        run.t, run.target, run.pose[None], run.measured[None],
+        commanded_wheel_speeds(run, chassis)[None], run.work[-1:],
+        np.array([(run.status == Status.FALLBACK).sum()]),
+    )  # fmt: skip
+    on_path = PathErrors(*(each[None] for each in path_errors(run)))
+    (metrics,) = _metrics_of(logged, on_path)
     step_time = run.step_time[np.isfinite(run.step_time)]
     median, p99 = np.percentile(step_time, [50, 99]) if len(step_time) else (nan, nan)
-    mean_change = float(change.mean()) if len(change) else nan
-    return Metrics(
-        me=float(distance.mean()),
-        mae=float(turn.mean()),
-        max_error=float(distance.max()),
-        me_measured=float(position_error(run.measured, run.target).mean()),
-        mae_measured=float(np.abs(heading_error(run.measured, run.target)).mean()),
-        me_after_start=float(distance[late].mean()),
-        mae_after_start=float(turn[late].mean()),
-        work=float(run.work[-1]),
-        wheel_acceleration=mean_change * (len(run.t) - 1) / max(float(run.t[-1]), 1e-9),
-        step_time_median=float(median),
-        step_time_p99=float(p99),
-        path_me=float(on_path.position.mean()),
-        path_mae=float(on_path.heading.mean()),
-        arrival=arrival(run),
-        fallbacks=int((run.status == Status.FALLBACK).sum()),
-    )
+    return metrics._replace(step_time_median=float(median), step_time_p99=float(p99))
+
+
+def measure_many(runs: LoggedRuns) -> list[Metrics]:
+    """Compute the metrics of each run, as :func:`measure`; computing times are not known: NaN."""
+    return _metrics_of(runs, path_errors_of(runs.t, runs.pose, runs.target))
+
+
+def _metrics_of(runs: LoggedRuns, on_path: PathErrors) -> list[Metrics]:
+    """Return the metrics of each run without computing times."""
+    t, target, pose, measured = runs[:4]
+    distance = position_error(pose, target)
+    turn = np.abs(heading_error(pose, target))
+    late = min(int(np.searchsorted(t, START_PHASE)), len(t) - 1)  # the first sample after the start
+    wheels = np.ascontiguousarray(runs.wheel_speeds[:, :-1])
+    change = np.abs(np.diff(wheels, axis=1, prepend=np.zeros((len(wheels), 1, wheels.shape[2]))))
+    change = change.reshape(len(wheels), -1)
+    mean_change = change.mean(axis=1) if change.size else np.full(len(wheels), nan)
+    columns = {
+        "me": distance.mean(axis=1),
+        "mae": turn.mean(axis=1),
+        "max_error": distance.max(axis=1),
+        "me_measured": position_error(measured, target).mean(axis=1),
+        "mae_measured": np.abs(heading_error(measured, target)).mean(axis=1),
+        "me_after_start": distance[:, late:].mean(axis=1),
+        "mae_after_start": turn[:, late:].mean(axis=1),
+        "work": runs.work,
+        "wheel_acceleration": mean_change * (len(t) - 1) / max(float(t[-1]), 1e-9),
+        "step_time_median": np.full(len(pose), nan),
+        "step_time_p99": np.full(len(pose), nan),
+        "path_me": on_path.position.mean(axis=1),
+        "path_mae": on_path.heading.mean(axis=1),
+        "arrival": np.array(arrivals(t, pose, target)),
+        "fallbacks": runs.fallbacks,
+    }
+    rows = zip(*(columns[name].tolist() for name in Metrics._fields), strict=True)
+    return [Metrics(*row) for row in rows]

@@ -140,6 +140,16 @@ class Chassis:
         k = min(1.0, self.max_wheel_speed / max(peak, 1e-300))
         return speeds * k, peak > self.max_wheel_speed
 
+    def limited_speeds_of(self, twists: Float[Array, "*many 3"]) -> Float[Array, "*many wheels"]:
+        """Return the wheel speeds of many twists, as :meth:`limited_speeds`; rounded differently.
+
+        Args:
+            twists: Body twists; m/s, m/s, rad/s.
+        """
+        speeds: Float[Array, "*many wheels"] = twists @ self.jacobian.T
+        peak = np.abs(speeds).max(axis=-1, keepdims=True)
+        return speeds * np.minimum(1.0, self.max_wheel_speed / np.maximum(peak, 1e-300))
+
 
 def _rows(mounts: Sequence[Mount], wheel_radius: float) -> Float[Array, "wheels 3"]:
     """Return the wheel matrix of wheels on mounts; see :meth:`Chassis.of_mounts`."""

@@ -15,6 +15,7 @@ from omnidrive.evaluation.results import FaultResult
 from omnidrive.parameter import check_choice
 from omnidrive.robot import Robot
 from omnidrive.simulation import Run
+from omnidrive.study.batched_runs import batched_records
 from omnidrive.study.definition import SeriesKept
 from omnidrive.study.jobs import Result, run_job
 from omnidrive.study.planned_run import PlannedRun
@@ -37,8 +38,9 @@ def run_block(
 ) -> list[RunRecord]:
     """Simulate and evaluate runs; return their records in the same order.
 
-    Results depend neither on the process nor on the other runs of the block. A run that its
-    scenario does not allow, or whose parts cannot be made, has a record that says so.
+    Results depend neither on the process nor on the other runs of the block. Runs whose plant and
+    controller have compiled code are simulated in compiled loops, see :mod:`batched_runs`. A run
+    that its scenario does not allow, or whose parts cannot be made, has a record that says so.
 
     Args:
         runs: The runs.
@@ -50,14 +52,17 @@ def run_block(
     """
     check_choice("choice of series", series, get_args(SeriesKept))
     kept = series if save is not None else "none"
-    records = []
-    for run in runs:
-        record, log = _record(run)
-        records.append(record)
-        is_kept = kept == "all" or (kept == "failed" and not record.finished)
+    records: dict[int, RunRecord] = {}
+    if kept != "all":  # logs of compiled loops have no computing times
+        records |= batched_records(runs, lambda run: _plans.planned(run.scenario))
+    for index, run in enumerate(runs):
+        if index in records:
+            continue
+        records[index], log = _record(run)
+        is_kept = kept == "all" or (kept == "failed" and not records[index].finished)
         if save is not None and log is not None and is_kept:
             save(run, log)
-    return records
+    return [records[index] for index in range(len(runs))]
 
 
 def _record(run: PlannedRun) -> tuple[RunRecord, Run | None]:

@@ -197,7 +197,7 @@ def _with_fixed(
     data = scenario_data(scenario)
     settings = []
     for path, value in fixed.items():
-        keys = find_keys(data, path)
+        keys = find_keys(data, path, addable=True)
         value = relocated(value, keys, move) if path in of_file else value  # noqa: PLW2901
         settings.append(Setting(keys, value))
     if not settings:

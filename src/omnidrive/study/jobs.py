@@ -136,7 +136,7 @@ def run_job(planned: PlannedScenario, job: Job, observers: Sequence[Observer] = 
         ComponentFailed: The factory of the plant or of the estimator raises an exception.
     """
     own, step = _copied(planned), job.task == "step"
-    reference = _reference(own, job)
+    reference = reference_of(own, job)
     with plant_of(own, reference, job.repeat, on_map=not step, observers=observers) as plant:
         run = _simulate(own, job, plant, reference)
     return evaluate(planned, job, run)
@@ -151,19 +151,23 @@ def unfinished(planned: PlannedScenario, job: Job, outcome: Outcome, reason: str
         outcome: Why the run ended.
         reason: Reason in one line.
     """
-    reference = _reference(planned, job)
+    reference = reference_of(planned, job)
     run = simulate(
         KinematicPlant(planned.plant_robot),
         _FailedController(RuntimeError(reason)),
         reference,
-        start=_start(planned, job, reference),
+        start=start_of(planned, job, reference),
         dt=planned.scenario.sample_time,
     )
     return evaluate(planned, job, replace(run, outcome=outcome, reason=reason, traceback=""))
 
 
-def _reference(planned: PlannedScenario, job: Job) -> Reference:
-    """Return the motion to track."""
+def reference_of(planned: PlannedScenario, job: Job) -> Reference:
+    """Return the motion to track.
+
+    Raises:
+        InvalidReference: The duration is too short for the limits of the robot.
+    """
     task = planned.scenario.tasks.step
     if job.task != "step" or task is None:
         return planned.reference(job.duration)
@@ -171,7 +175,7 @@ def _reference(planned: PlannedScenario, job: Job) -> Reference:
     return Hold(goal, job.duration)
 
 
-def _start(planned: PlannedScenario, job: Job, reference: Reference) -> Pose:
+def start_of(planned: PlannedScenario, job: Job, reference: Reference) -> Pose:
     """Return the true initial pose in W."""
     return planned.start if job.task == "step" else reference.at(0.0).pose
 
@@ -244,6 +248,11 @@ class _FailedController:
         return Command(BodyTwist(0.0, 0.0, 0.0), Status.FAILED)
 
 
+def job_seed(scenario: Scenario, job: Job) -> list[int]:
+    """Return the seed of the sensor noise; with 1 that of the jitter, with 2 the controller's."""
+    return [scenario.seed, round(job.duration * 1e6), job.repeat]
+
+
 def _simulate(planned: PlannedScenario, job: Job, plant: Plant, reference: Reference) -> Run:
     """Simulate one run with the supervisor.
 
@@ -261,7 +270,7 @@ def _simulate(planned: PlannedScenario, job: Job, plant: Plant, reference: Refer
     scenario, robot = planned.scenario, planned.robot
     fault = _fault(planned, job) if job.task == "faults" else None
     faults = (*scenario.faults, *((fault,) if fault else ()))
-    seed = [scenario.seed, round(job.duration * 1e6), job.repeat]
+    seed = job_seed(scenario, job)
     sensor_rng, jitter_rng = np.random.default_rng(seed), np.random.default_rng([*seed, 1])
     controller_rng = np.random.default_rng([*seed, 2])
     controller: Controller
@@ -274,7 +283,7 @@ def _simulate(planned: PlannedScenario, job: Job, plant: Plant, reference: Refer
         plant,
         controller,
         reference,
-        start=_start(planned, job, reference),
+        start=start_of(planned, job, reference),
         dt=scenario.sample_time,
         sensors=sensors,
         estimator=make_estimator(scenario, robot, sensors),
@@ -287,7 +296,7 @@ def _simulate(planned: PlannedScenario, job: Job, plant: Plant, reference: Refer
 def evaluate(planned: PlannedScenario, job: Job, run: Run) -> Result:
     """Return the result of a simulated run."""
     if job.task == "step":
-        start, goal = planned.start, _reference(planned, job).at(0.0).pose
+        start, goal = planned.start, reference_of(planned, job).at(0.0).pose
         x, y, heading = (
             step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
         )

@@ -85,7 +85,13 @@ class PlannedScenario:
 
     def clearance(self, points: Float[Array, "points 2"]) -> float:
         """Return the least distance, m, from body to obstacles over centres ``points`` (W, m)."""
-        return float(self.obstacles.clearance(points).min()) - self.robot.body_radius
+        return float(self.clearances(points[None])[0])
+
+    def clearances(self, points: Float[Array, "runs points 2"]) -> Float[Array, " runs"]:
+        """Return the value of :meth:`clearance` for each of several runs."""
+        distances = self.obstacles.clearance(points.reshape(-1, 2)).reshape(len(points), -1)
+        least: Float[Array, " runs"] = distances.min(axis=1) - self.robot.body_radius
+        return least
 
     @property
     def start(self) -> Pose:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from omnidrive.evaluation import Recovery, StepResult, TrackResult
+from omnidrive.evaluation import Metrics, Recovery, StepResponse, StepResult, TrackResult
 from omnidrive.evaluation.results import STEP_AXES
 from omnidrive.simulation import Outcome
 from omnidrive.study.jobs import Result, faults_of
@@ -15,6 +16,8 @@ Factor = float | int | bool | str | None
 
 TIMING = ("step_time_median", "step_time_p99")
 """Metrics that differ from run to run on one machine."""
+
+_FINISHED = Outcome.FINISHED.name.lower()
 
 REFUSED = "refused"
 """Outcome of a run that its scenario does not allow."""
@@ -96,6 +99,25 @@ def record_of(run: PlannedRun, result: Result, recovery: Recovery | None = None)
     finished = log.outcome is Outcome.FINISHED
     reason = "" if finished else f"at {log.t[-1]:g} s: {log.ending}"
     detail = "\n".join(each for each in (reason, log.traceback) if each)
+    return _labelled(run, log.outcome.name.lower(), metrics, timing, detail)
+
+
+def finished_record(
+    run: PlannedRun, metrics: dict[str, float], timing: dict[str, float]
+) -> RunRecord:
+    """Return the record of a run that reached the end of its reference."""
+    return _labelled(run, _FINISHED, metrics, timing, "")
+
+
+def refused_record(run: PlannedRun, reason: str) -> RunRecord:
+    """Return the record of a run that cannot be simulated, with the outcome ``refused``."""
+    return _labelled(run, REFUSED, {}, {}, reason)
+
+
+def _labelled(
+    run: PlannedRun, outcome: str, metrics: dict[str, float], timing: dict[str, float], detail: str
+) -> RunRecord:
+    """Return a record with the labels of a planned run."""
     return RunRecord(
         number=run.number,
         key=run.key,
@@ -104,8 +126,8 @@ def record_of(run: PlannedRun, result: Result, recovery: Recovery | None = None)
         task=run.job.task,
         repetition=run.repetition,
         factors=_factors(run),
-        outcome=log.outcome.name.lower(),
-        finished=finished,
+        outcome=outcome,
+        finished=outcome == _FINISHED,
         metrics=metrics,
         timing=timing,
         detail=detail[:MAX_DETAIL],
@@ -114,37 +136,38 @@ def record_of(run: PlannedRun, result: Result, recovery: Recovery | None = None)
     )
 
 
-def refused_record(run: PlannedRun, reason: str) -> RunRecord:
-    """Return the record of a run that cannot be simulated, with the outcome ``refused``."""
-    return RunRecord(
-        number=run.number,
-        key=run.key,
-        pairing=run.pairing,
-        controller=run.job.controller,
-        task=run.job.task,
-        repetition=run.repetition,
-        factors=_factors(run),
-        outcome=REFUSED,
-        finished=False,
-        metrics={},
-        detail=reason[:MAX_DETAIL],
-    )
-
-
 def _metrics(result: Result) -> tuple[dict[str, float], dict[str, float]]:
     """Return the reproducible metrics of a result, and its computing times."""
     if isinstance(result, StepResult):
-        return {
-            f"{name}_{axis}": value
-            for axis, response in zip(STEP_AXES, result.responses, strict=True)
-            for name, value in response._asdict().items()
-        }, {}
-    values = {name: float(value) for name, value in result.metrics._asdict().items()}
+        return step_values(result.responses), {}
+    clearance = result.min_clearance if isinstance(result, TrackResult) else None
+    return tracking_values(result.metrics, int(result.run.collisions[-1]), clearance)
+
+
+def step_values(responses: Sequence[StepResponse]) -> dict[str, float]:
+    """Return the metrics of a step response by name."""
+    return {
+        f"{name}_{axis}": value
+        for axis, response in zip(STEP_AXES, responses, strict=True)
+        for name, value in response._asdict().items()
+    }
+
+
+def tracking_values(
+    metrics: Metrics, collisions: int, clearance: float | None
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the reproducible metrics of a run along a path, and its computing times.
+
+    Args:
+        metrics: Metrics of the run.
+        collisions: Number of its collisions.
+        clearance: Minimum distance to obstacles, m; None: not computed in this task.
+    """
+    values = {name: float(value) for name, value in metrics._asdict().items()}
     timing = {name: values.pop(name) for name in TIMING}
-    if isinstance(result, TrackResult):
-        values["min_clearance"] = result.min_clearance
-    values["collisions"] = float(result.run.collisions[-1])
-    return values, timing
+    if clearance is not None:
+        values["min_clearance"] = clearance
+    return values | {"collisions": float(collisions)}, timing
 
 
 def _variant(run: PlannedRun) -> str:
@@ -154,7 +177,8 @@ def _variant(run: PlannedRun) -> str:
         return f"N = {job.horizon}"
     if job.task != "faults":
         return ""
-    fault = (None, *faults_of(run.scenario))[job.fault]
+    faults = (None, *faults_of(run.scenario))
+    fault = faults[job.fault] if job.fault < len(faults) else None
     return f"{job.fault:02d}-{fault.kind if fault else 'none'}"
 
 

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from json import dumps, loads
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from pydantic import ValidationError
+
 from omnidrive.choices import WAYPOINTS
-from omnidrive.errors import InvalidStudy, one_line, suggestion
+from omnidrive.components import configure
+from omnidrive.components.fields import field_names, field_type
+from omnidrive.errors import InvalidInput, InvalidStudy, one_line, suggestion
 from omnidrive.maps import is_named_map
 from omnidrive.planning import Waypoint
 from omnidrive.robot import is_robot_file
@@ -33,21 +39,30 @@ FIXED = ("format", "name")
 _WAYPOINTS = ("start", "goal")
 
 
-def find_keys(data: dict[str, Any], path: str) -> Keys:
+def find_keys(data: dict[str, Any], path: str, *, addable: bool = False) -> Keys:
     """Return the keys that a dotted path names; labels of controllers may contain dots.
 
     Items of a list are numbered from 0; x, y and yaw are those of start and goal. Without a section
-    ``plant_robot``, its keys are those of ``robot``.
+    ``plant_robot``, its keys are those of ``robot``; parameters of controllers that have the values
+    of the preset are not in the data, but have paths.
+
+    Args:
+        data: Data of the scenario.
+        path: The path.
+        addable: Whether ``controllers.LABEL`` may name a new controller.
 
     Raises:
         InvalidStudy: The scenario has no such key; the message names the most similar path.
     """
-    known = with_plant_robot(data)
+    controllers = {k: completed(v, data["preset"]) for k, v in data["controllers"].items()}
+    known = {**with_plant_robot(data), "controllers": controllers}
     node: Any = known
     keys: list[str | int] = []
     rest = path
     while rest:
         key = _first_key(node, rest, in_waypoint=keys in [[each] for each in _WAYPOINTS])
+        if key is None and addable and keys == ["controllers"] and "." not in rest:
+            return ("controllers", rest)
         if key is None or (not keys and key in FIXED):
             hint = suggestion(path, _paths(known), most=20)
             raise InvalidStudy(f"the scenario has no '{one_line(path, 80)}'{hint}")
@@ -61,6 +76,38 @@ def find_keys(data: dict[str, Any], path: str) -> Keys:
 def with_plant_robot(data: dict[str, Any]) -> dict[str, Any]:
     """Return the data with a section ``plant_robot``: by default that of the robot."""
     return data if data["plant_robot"] is not None else {**data, "plant_robot": data["robot"]}
+
+
+def completed(controller: dict[str, Any], preset: str) -> dict[str, Any]:
+    """Return the data of a controller with all its parameters, in a scenario with ``preset``.
+
+    Those without a value in use are None, or the names of their groups with None in them.
+    """
+    return dict(_completed(dumps(controller), preset))
+
+
+@lru_cache(maxsize=256)
+def _completed(text: str, preset: str) -> dict[str, Any]:
+    name, values = (data := loads(text)).pop("type"), data
+    try:
+        configured = configure("controllers", name, values).resolved(preset)
+    except (InvalidInput, ValidationError):  # an object of a session, or another preset's parameter
+        return {"type": name, **values}
+    names = _names(configured.component.parameter_class)
+    return {"type": name, **_merged(names, configured.values)}
+
+
+def _names(cls: Any) -> dict[str, Any]:
+    """Return the fields of a parameter class with None, or with the fields of their classes."""
+    return {each: _names(field_type(cls, each)) or None for each in field_names(cls)}
+
+
+def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    found = {**below, **above}
+    for name in below.keys() & above.keys():
+        if isinstance(below[name], dict) and isinstance(above[name], dict):
+            found[name] = _merged(below[name], above[name])
+    return found
 
 
 def _first_key(node: Any, rest: str, *, in_waypoint: bool) -> str | None:
@@ -93,11 +140,12 @@ def _paths(data: Any, prefix: str = "") -> Iterator[str]:
 
 
 def value_at(data: Any, keys: Keys) -> Any:
-    """Return the value at ``keys``; None at the end of a list."""
+    """Return the value at ``keys``; None if there is none."""
     for key in keys:
-        if isinstance(key, int) and key >= len(data):
-            return None
-        data = data[key]
+        if isinstance(key, int):
+            data = data[key] if data and key < len(data) else None
+        else:
+            data = data.get(key) if data else None
     return data
 
 
@@ -106,9 +154,9 @@ def with_value(data: Any, keys: Keys, value: Any) -> Any:
     if not keys:
         return value
     first, *rest = keys
-    if isinstance(data, dict):
-        return {**data, first: with_value(data[first], tuple(rest), value)}
-    assert isinstance(first, int)
+    if not isinstance(first, int):
+        inner = with_value((data or {}).get(first), tuple(rest), value)
+        return {**(data or {}), first: inner}
     inner = with_value(value_at(data, (first,)), tuple(rest), value)
     return [*data[:first], inner, *data[first + 1 :]]
 
@@ -150,15 +198,3 @@ def _names_file(keys: Keys, value: str) -> bool:
 def beside(file: Path) -> Callable[[str], str]:
     """Return the function that makes names relative to a file relative to the working folder."""
     return lambda name: str(file.parent / name)
-
-
-def file_names(data: dict[str, Any]) -> Sequence[str]:
-    """Return the files that the data of a scenario name."""
-    found: list[str] = []
-
-    def note(name: str) -> str:
-        found.append(name)
-        return name
-
-    relocated(data, (), note)
-    return found

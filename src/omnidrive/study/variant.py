@@ -12,7 +12,7 @@ from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidStudy
 from omnidrive.robot import Robot
 from omnidrive.study.scenario import Scenario
-from omnidrive.study.scenario_path import Setting, value_at, with_plant_robot, with_value
+from omnidrive.study.scenario_path import Setting, completed, value_at, with_plant_robot, with_value
 from omnidrive.study.scenario_sections import RobotSection, robot_of
 
 _ROBOTS = ("robot", "plant_robot")
@@ -27,7 +27,8 @@ def variant_data(data: dict[str, Any], settings: Sequence[Setting]) -> dict[str,
     Raises:
         InvalidStudy: There is no number that a relative value can multiply.
     """
-    for setting in sorted(settings, key=lambda each: each.keys[0] == "plant_robot"):
+    # last what depends on other settings: relative values, and the robot that the plant simulates
+    for setting in sorted(settings, key=lambda e: (e.keys[0] == "plant_robot", e.relative)):
         if setting.keys[0] == "plant_robot" and len(setting.keys) > 1:
             data = with_plant_robot(data)
         value = setting.value
@@ -39,11 +40,14 @@ def variant_data(data: dict[str, Any], settings: Sequence[Setting]) -> dict[str,
 
 
 def _number_at(data: dict[str, Any], setting: Setting) -> Any:
-    """Return the value at the keys of a setting; of a robot without one, its own."""
+    """Return the value in use at the keys of a setting: that of the robot or preset by default."""
     keys = setting.keys
     value = value_at(data, keys)
     if value is None and keys[0] in _ROBOTS and len(keys) == 2:
         value = plain(getattr(robot_in(data[keys[0]]), str(keys[1])))
+    if value is None and keys[0] == "controllers" and len(keys) > 2:
+        controller = completed(data["controllers"][keys[1]], data["preset"])
+        value = value_at(controller, keys[2:])
     if setting.relative and not _is_numeric(value):
         path = ".".join(map(str, keys))
         raise InvalidStudy(f"{path} has no number in the scenario to multiply; give its values")

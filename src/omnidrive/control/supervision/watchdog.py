@@ -6,6 +6,10 @@ from dataclasses import dataclass, field
 from math import hypot, inf
 from typing import Annotated, NamedTuple
 
+import numpy as np
+from jaxtyping import Bool, Float
+
+from omnidrive.arrays import Array
 from omnidrive.estimation import State
 from omnidrive.geometry import Pose
 from omnidrive.parameter import Bounds
@@ -48,6 +52,23 @@ class Watchdog:
         """Start a run; the next check defines the initial error."""
         self._at_start = inf
         self._since.clear()
+
+    def may_stop(
+        self,
+        positions: Float[Array, "runs samples 2"],
+        targets: Float[Array, "samples 2"],
+    ) -> Bool[Array, " runs"]:
+        """Return whether ``check`` may stop runs; otherwise it does not.
+
+        The estimates have no age and no standard deviations above the limits.
+
+        Args:
+            positions: Estimated positions, m.
+            targets: Positions of the reference, m.
+        """
+        error = np.hypot(*np.moveaxis(positions - targets, -1, 0))
+        stops: Bool[Array, " runs"] = ~(error <= self.limits.error + error[:, :1]).all(axis=1)
+        return stops
 
     def check(self, t: float, state: State, target: Pose) -> str | None:
         """Return the reason for which the robot must stop at ``t`` (s), or None.

@@ -8,7 +8,7 @@ from math import exp
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from omnidrive.arrays import Array
 from omnidrive.control.controller import CommandValue, WheelSpeeds, WheelTorques
@@ -121,11 +121,28 @@ class WheelMonitor:
         if isinstance(command, WheelTorques):
             return self._count(self._torque_evidence(command, speeds, _usable(torques, np.nan)))
         commanded = self._mean_set_points(command, dt)
-        scale = robot.servo_gain / robot.max_torque
-        expected = scale * (commanded - speeds)
         torque = _usable(torques, np.nan) / robot.max_torque
-        linear = (scale * np.abs(commanded - self._before) < 1.0) & (np.abs(expected) < 1.0)
+        evidence = self.evidence(commanded, self._before, speeds, torque, resolution)
         self._before = commanded
+        return self._count(evidence)
+
+    def evidence(
+        self, commanded: Array, before: Array, speeds: Array, torque: Array, resolution: float
+    ) -> dict[WheelDefect, tuple[Array, Array]]:
+        """Return where samples with commanded speeds speak for each defect, and against it.
+
+        The last dimension of all arrays is that of the wheels; others may be runs and samples.
+
+        Args:
+            commanded: Mean set point of each servo in the sample, rad/s.
+            before: That in the sample before.
+            speeds: Mean measured speed, rad/s.
+            torque: Mean torque of each motor as a share of its largest; NaN: unknown.
+            resolution: Smallest speed that the encoders resolve, rad/s.
+        """
+        scale = self._robot.servo_gain / self._robot.max_torque
+        expected = scale * (commanded - speeds)
+        linear = (scale * np.abs(commanded - before) < 1.0) & (np.abs(expected) < 1.0)
         is_standing = np.abs(speeds) <= _STANDING * np.abs(commanded)
         has_torque = np.abs(torque) >= 0.5 * np.minimum(np.abs(expected), 1.0)
         is_commanded = scale * np.abs(commanded) >= _MIN_TORQUE_STANDING
@@ -134,7 +151,7 @@ class WheelMonitor:
         is_zero = np.abs(torque) <= _ZERO_TORQUE
         below_friction = np.abs(expected) <= self._transmitted
         torque_expected = np.abs(expected) >= _MIN_TORQUE_DEAD + scale * resolution
-        evidence = {
+        return {
             WheelDefect.DEAD: (
                 linear & is_turning & is_zero & below_friction & torque_expected,
                 (np.abs(torque) > 2.0 * _ZERO_TORQUE) | ~below_friction,
@@ -148,7 +165,39 @@ class WheelMonitor:
                 ~is_standing & is_commanded,
             ),
         }
-        return self._count(evidence)
+
+    def may_report(
+        self,
+        twists: Float[Array, "runs samples 3"],
+        dt: float,
+        angles: Float[Array, "runs samples wheels"],
+        torques: Float[Array, "runs samples wheels"],
+    ) -> Bool[Array, " runs"]:
+        """Return whether ``update`` may report a defect in whole runs from rest; otherwise not.
+
+        Args:
+            twists: Twist commanded from each sample on; the last one is not used.
+            dt: Duration of every sample, s.
+            angles: Angles of the encoders at each sample, rad.
+            torques: Mean torques of the motors in the sample that ends there, N m.
+        """
+        usable = (np.abs(angles) <= LARGEST) & (np.abs(torques) <= LARGEST)
+        commanded = self._drive.limited_speeds_of(twists[:, :-1])
+        lag = self._robot.motor_lag
+        if lag > 0.0:
+            set_point, decay = np.zeros_like(commanded[:, 0]), exp(-dt / lag)
+            for k in range(commanded.shape[1]):
+                target = commanded[:, k].copy()
+                difference = set_point - target
+                set_point = target + decay * difference
+                commanded[:, k] = target + difference * (lag / dt) * (1.0 - decay)
+        before = np.concatenate([np.zeros_like(commanded[:, :1]), commanded[:, :-1]], axis=1)
+        speeds = np.diff(angles, axis=1) / dt
+        torque = torques[:, 1:] / self._robot.max_torque
+        signs = self.evidence(commanded, before, speeds, torque, self._step / dt).values()
+        often = [(sign.sum(axis=1) >= SAMPLES).any(axis=1) for sign, _ in signs]
+        reported: Bool[Array, " runs"] = np.any(often, axis=0) | ~usable.all(axis=(1, 2))
+        return reported
 
     def _torque_evidence(
         self,

@@ -8,7 +8,7 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import announce_compiling, entry_point
@@ -21,6 +21,7 @@ from omnidrive.simulation.batch.loop import (
     CARRIED,
     END,
     FIGURES,
+    FINISHED,
     LOG_WHEELS,
     RunArrays,
     SampleArrays,
@@ -52,6 +53,34 @@ class RunResults(NamedTuple):
     """Columns as in :data:`~omnidrive.simulation.batch.loop.FIGURES`."""
     logs: list[Run]
     """One per run; empty if logs are not kept."""
+
+
+class LoopLogs(NamedTuple):
+    """Logs of runs with the same samples, as arrays."""
+
+    samples: SampleArrays
+    figures: Float[Array, "runs figures"]
+    rows: Float[Array, "runs samples columns"]
+    """Rows that the compiled loop filled in; those after the end of a run have no meaning."""
+    wheels: int
+
+    @property
+    def finished(self) -> Bool[Array, " runs"]:
+        """Whether each run reached the end of its reference."""
+        done: Bool[Array, " runs"] = self.figures[:, END] == FINISHED
+        return done
+
+    def of(self, chosen: Bool[Array, " runs"]) -> LoopLogs:
+        """Return the logs of the chosen runs."""
+        return self._replace(figures=self.figures[chosen], rows=self.rows[chosen])
+
+    def columns(self, first: int, count: int) -> Float[Array, "runs samples {count}"]:
+        """Return consecutive columns of the logs, see :mod:`~omnidrive.simulation.batch.loop`."""
+        return np.ascontiguousarray(self.rows[:, :, first : first + count])
+
+    def of_wheels(self, part: int) -> Float[Array, "runs samples wheels"]:
+        """Return the wheels' speeds (part 0, rad/s), torques (1, N m) or angles (2, rad)."""
+        return self.columns(LOG_WHEELS + part * self.wheels, self.wheels)
 
 
 class ClosedLoops:
@@ -88,7 +117,7 @@ class ClosedLoops:
     @property
     def log_columns(self) -> int:
         """Number of columns of a log; 0 if logs are not kept."""
-        return LOG_WHEELS + 2 * self._wheels + len(self._units) if self._keeps_logs else 0
+        return LOG_WHEELS + 3 * self._wheels + len(self._units) if self._keeps_logs else 0
 
     @property
     def forces(self) -> bool:
@@ -107,12 +136,26 @@ class ClosedLoops:
         figures = np.concatenate([each.figures for each in done])
         return RunResults(figures, [log for each in done for log in each.logs])
 
+    def log(self, runs: Sequence[BatchRun]) -> LoopLogs:
+        """Simulate runs with the same samples and without changing disturbances; keep their logs.
+
+        Only for an object that keeps logs.
+        """
+        arrays = self._computed(runs)
+        return LoopLogs(runs[0].samples.arrays, arrays.figures, arrays.logs, self._wheels)
+
     def _simulate(self, runs: list[BatchRun]) -> RunResults:
         samples = runs[0].samples
         if samples.changes and len(runs) > 1:
             done = [self._simulate([run]) for run in runs]
             figures = np.concatenate([each.figures for each in done])
             return RunResults(figures, [log for each in done for log in each.logs])
+        arrays = self._computed(runs)
+        return RunResults(arrays.figures, self._logs(samples, arrays))
+
+    def _computed(self, runs: Sequence[BatchRun]) -> RunArrays:
+        """Return the arrays of runs with the same samples; a single one if they have changes."""
+        samples = runs[0].samples
         count = len(samples.arrays.times)
         draws = [run.noise.random((count, 3)) for run in runs if run.noise is not None]
         uniforms = np.array(draws) if draws else np.zeros((len(runs), 0, 3))
@@ -127,7 +170,7 @@ class ClosedLoops:
         self._loop(*self._arguments(plant, samples.arrays, arrays), begin, count)
         if samples.changes:
             plant.plant.reset(Pose(0.0, 0.0, 0.0))
-        return RunResults(arrays.figures, self._logs(samples, arrays))
+        return arrays
 
     def _plant(self) -> BatchPlant:
         """Return the plant of this thread."""

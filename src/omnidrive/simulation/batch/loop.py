@@ -36,8 +36,8 @@ LOG_POSE, LOG_ESTIMATE, LOG_SIGMA, LOG_TARGET, LOG_COMMAND, LOG_TWIST, LOG_WORK 
     0, 3, 6, 7, 10, 13, 16,
 )  # fmt: skip
 LOG_STATUS, LOG_SATURATED, LOG_WHEELS = 17, 18, 19
-"""First columns of the parts of a row of the log; the wheels' speeds, torques and then the details
-of the controller are at its end."""
+"""First columns of the parts of a row of the log; the wheels' speeds, torques, angles and then the
+details of the controller are at its end."""
 
 # places in the carried state of a run, from one sample to the next
 _SENT, _PREVIOUS, _PREVIOUS_STATUS, _ESTIMATE, _FIXED, _FIX_TIME, _DRAWN = (
@@ -260,7 +260,8 @@ def closed_loop(kernels: PlantKernels, law: Callable[..., int]) -> Callable[...,
                     write_details(details, row)
                     speeds = row[LOG_WHEELS : LOG_WHEELS + wheels]
                     torques = row[LOG_WHEELS + wheels : LOG_WHEELS + 2 * wheels]
-                    measure_wheels(state, speeds, torques)
+                    angles = row[LOG_WHEELS + 2 * wheels : LOG_WHEELS + 3 * wheels]
+                    measure_wheels(state, speeds, torques, angles)
 
     return loop
 

@@ -35,7 +35,8 @@ class PlantKernels(NamedTuple):
     step: Callable[..., None]
     """``step(model, state, command, dt, motion)``: execute a body twist for ``dt`` (s)."""
     wheels: Callable[..., None]
-    """``wheels(state, speeds, torques)``: fill in the speeds (rad/s) and torques (N m)."""
+    """``wheels(state, speeds, torques, angles)``: fill in what the plant has of the speeds (rad/s),
+    torques (N m) and angles (rad)."""
 
 
 class BatchPlant:
@@ -115,7 +116,7 @@ def _step_kinematic(
 
 
 @compiled
-def _kinematic_wheels(state: KinematicState, speeds: Array, torques: Array) -> None:
+def _kinematic_wheels(state: KinematicState, speeds: Array, torques: Array, angles: Array) -> None:
     for i in range(len(speeds)):
         speeds[i] = state.speeds[i]
 
@@ -150,9 +151,10 @@ def _measure_planar(state: PlanarState, motion: Motion) -> None:
 
 
 @compiled
-def _planar_wheels(state: PlanarState, speeds: Array, torques: Array) -> None:
+def _planar_wheels(state: PlanarState, speeds: Array, torques: Array, angles: Array) -> None:
     for i in range(len(speeds)):
         speeds[i], torques[i] = state.wheels[i].speed, state.wheels[i].torque
+        angles[i] = state.wheels[i].angle
 
 
 _KINEMATIC = PlantKernels(_start_kinematic, _step_kinematic, _kinematic_wheels)

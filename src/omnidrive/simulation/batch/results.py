@@ -90,7 +90,7 @@ def run_of(  # noqa: PLR0917
     table = log[:rows].copy()
     none = np.empty((rows, 0))
     moved = rows if figures[loop.END] == loop.PLANT_FAILED else rows - 1  # samples with a step
-    details = table[:, LOG_WHEELS + 2 * wheels :]
+    details = table[:, LOG_WHEELS + 3 * wheels :]
     return Run(
         t=times[:rows].copy(),
         pose=table[:, loop.LOG_POSE : loop.LOG_POSE + 3],

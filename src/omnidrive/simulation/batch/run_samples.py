@@ -17,7 +17,7 @@ from omnidrive.control.compiled_law import SetpointWindow
 from omnidrive.control.reference_window import ReferenceWindow
 from omnidrive.control.supervision import Event
 from omnidrive.errors import PART_ERRORS, InvalidInput
-from omnidrive.reference import DelayedReference, Hold, Reference
+from omnidrive.reference import DelayedReference, Hold, Reference, RetimedReference
 from omnidrive.reference.reference import WindowReference
 from omnidrive.simulation.batch.loop import LATE, NO_SETPOINTS, SILENT, SampleArrays
 from omnidrive.simulation.disturbances import Schedule
@@ -213,7 +213,9 @@ def _setpoints_ahead(
 
 
 def _is_ours(reference: Reference) -> bool:
-    """Return whether ``at`` is a window of one setpoint."""
+    """Return whether ``at`` is a window of one setpoint, and equal to a row of a longer one."""
+    if isinstance(reference, RetimedReference | DelayedReference):  # longer windows round otherwise
+        return False
     at = getattr(type(reference), "at", None)
     return at is vars(WindowReference)["at"] or type(reference) is Hold
 

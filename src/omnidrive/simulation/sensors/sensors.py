@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from omnidrive.arrays import Array
 from omnidrive.estimation import EncoderSettings, PoseFix, SensorReadings
 from omnidrive.geometry import Pose
 from omnidrive.simulation.disturbances.disturbances import SensorFaults
@@ -88,5 +89,11 @@ def quantized(
     angles: Sequence[float], step: float, dead: Collection[int] = ()
 ) -> tuple[float, ...]:
     """Return angles (rad), rounded to multiples of ``step`` (rad); NaN for wheels in ``dead``."""
-    counted = (step * np.round(np.asarray(angles, dtype=float) / step)).tolist()
+    counted = quantized_array(np.asarray(angles, dtype=float), step).tolist()
     return tuple(nan if i in dead else angle for i, angle in enumerate(counted))
+
+
+def quantized_array(angles: Array, step: float) -> Array:
+    """Return an array of angles (rad), rounded to multiples of ``step`` (rad)."""
+    counted: Array = step * np.round(angles / step)
+    return counted
