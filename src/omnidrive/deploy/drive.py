@@ -20,7 +20,7 @@ from omnidrive.deploy.realtime import Measure, realtime
 from omnidrive.deploy.remaining_reference import RemainingReference
 from omnidrive.deploy.robot_link import LinkLost, RobotLink
 from omnidrive.errors import InvalidInput, OmnidriveError, one_line
-from omnidrive.estimation import PoseFix, SensorReadings
+from omnidrive.estimation import LatestFix, PoseFix, SensorReadings
 from omnidrive.estimation.state import check_start
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.parameter import Bounds, check_number
@@ -116,6 +116,11 @@ def drive(
         check_start(start)
     elif not link.capabilities.measures_pose:
         raise InvalidInput("this link measures no pose: give the start of the robot, x, y and yaw")
+    if not link.capabilities.measures_pose and isinstance(pipeline.estimator, LatestFix):
+        raise InvalidInput(
+            "this link measures no pose: the pipeline needs an estimator that reckons from the "
+            "wheels, such as PoseEstimator"
+        )
     _warm_up(pipeline, reference, dt, len(link.robot.mounts))
     loop = _Loop(
         link, pipeline, reference, dt, start, controls or DriveControls(arm=True),
@@ -194,6 +199,10 @@ class _Loop:
     """Latest readings, with stamps on the clock."""
     _before: tuple[float, tuple[float, ...]] = (nan, ())
     """Time, s, and wheel angles, rad, of the readings before."""
+    _zero: tuple[float, ...] = ()
+    """Wheel angles at the begin of the stretch, rad."""
+    _pose: Pose | None = None
+    """Last estimated pose."""
     _arrived: float = 0.0
     """Time at which they arrived, s."""
 
@@ -287,12 +296,13 @@ class _Loop:
 
     def _try_to_start(self, number: int, now: float) -> None:
         """Begin to run if the pose is known, at rest at it."""
-        pose = self.start if self._done == 0.0 else None
+        pose = self.start if self._done == 0.0 else self._known_pose()
         fixes = self._readings.fixes
         if pose is None and fixes and now - fixes[-1].stamp <= MAX_AGE:
             pose = fixes[-1].pose
-        if pose is None:
+        if pose is None or now - self._readings.stamp > MAX_AGE:
             return
+        self._zero = self._readings.wheel_angles
         try:
             self.pipeline.reset(pose)
         except PartFailed as error:
@@ -304,6 +314,10 @@ class _Loop:
         duration = max(self._tracked.duration, tracked.duration)
         self._first, self._last = number, round(duration / self.dt)
         self._change(number, DriveState.RUNNING, "the pose is known: " + _text(pose))
+
+    def _known_pose(self) -> Pose | None:
+        """Return the last estimate after the robot was held, if the link measures no pose."""
+        return None if self.link.capabilities.measures_pose else self._pose
 
     def _control(self, number: int, now: float) -> None:
         """Run the pipeline and send its command."""
@@ -321,14 +335,9 @@ class _Loop:
             reason = step.command.message.partition("\n")[0]
             self._stop(number, f"the {step.failed} failed: {one_line(reason)}")
             return
-        silent = now - self._arrived
-        if silent > MAX_AGE or step.state.fix_age > MAX_AGE:
-            what = (
-                f"no readings for {silent:.2f} s"
-                if silent > MAX_AGE
-                else f"the last usable pose fix is {step.state.fix_age:.2f} s old"
-            )
-            self._hold(number, f"{what}, more than {MAX_AGE:g} s")
+        old = self._too_old(now, step)
+        if old:
+            self._hold(number, f"{old}, more than {MAX_AGE:g} s")
             self.link.send(self.gate.ramp(self.dt))
             return
         value = self.gate.passed(step.command.value)
@@ -340,10 +349,21 @@ class _Loop:
         if supervisor.at_rest and value == STOP:
             self._stop(number, supervisor.stopped or "the supervisor stopped the robot")
 
+    def _too_old(self, now: float, step: PipelineStep) -> str:
+        """Return what is too old to drive on; empty: nothing."""
+        silent, age = now - self._arrived, step.state.fix_age
+        if silent > MAX_AGE:
+            return f"no readings for {silent:.2f} s"
+        if age > MAX_AGE and self.link.capabilities.measures_pose:
+            return f"the last usable pose fix is {age:.2f} s old"
+        return ""
+
     def _readings_at(self, t: float) -> SensorReadings:
         """Return the readings of the sample at ``t`` (s), with stamps from the stretch's begin."""
         begin = self._begin + self._first * self.dt
         angles = self._angles_at(begin + t)
+        if len(angles) == len(self._zero):
+            angles = tuple(a - zero for a, zero in zip(angles, self._zero, strict=True))
         stamps = [fix.stamp - begin for fix in self._readings.fixes]
         fixes = tuple(
             fix._replace(stamp=t if abs(stamp - t) < _INSTANT else stamp)  # rounding errors
@@ -366,6 +386,7 @@ class _Loop:
 
     def _note(self, t: float, step: PipelineStep) -> None:
         """Append the sample to the log."""
+        self._pose = step.state.pose
         twist = step.state.twist or BodyTwist(nan, nan, nan)
         self.log.add(self._logged + t, PlantState(step.state.pose, twist, nan), step)
 

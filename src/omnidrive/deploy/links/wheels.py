@@ -1,0 +1,321 @@
+"""Link to a motor board that speaks the line protocol of wheel_protocol.py."""
+
+from __future__ import annotations
+
+import select
+import socket
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from importlib import import_module
+from math import pi
+from typing import Any, Protocol, runtime_checkable
+
+from omnidrive.control import CommandValue, WheelSpeeds, WheelTorques
+from omnidrive.control.controller import STOP
+from omnidrive.deploy.clock import Clock, MonotonicClock
+from omnidrive.deploy.links.wheel_protocol import (
+    MAX_LINE,
+    VERSION,
+    Hello,
+    Report,
+    command_line,
+    count_difference,
+    hello_request,
+    parse,
+    sequence_difference,
+    stamp_difference,
+)
+from omnidrive.deploy.robot_link import LinkCapabilities, LinkLost
+from omnidrive.errors import InvalidInput, MissingExtra
+from omnidrive.estimation import SensorReadings
+from omnidrive.geometry import BodyTwist
+from omnidrive.robot import Robot
+
+_HELLO_TIME = 3.0  # s for the answer of the board
+_HELLO_PERIOD = 0.2  # s between requests
+_OFFSET_REPORTS = 200  # reports from which the offset of the board's clock is estimated
+_BAUD = 115_200
+
+
+@runtime_checkable
+class _Port(Protocol):
+    """A channel of bytes that does not block."""
+
+    def receive(self) -> bytes:
+        """Return what has arrived; empty: nothing."""
+        ...
+
+    def send(self, data: bytes) -> None:
+        """Send bytes."""
+        ...
+
+    def close(self) -> None:
+        """Close the channel."""
+        ...
+
+
+class _Lines:
+    """Lines of a stream of bytes."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def split(self, data: bytes) -> list[bytes]:
+        """Return the lines that are complete with ``data``; too long ones are discarded."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > MAX_LINE:
+            self._rest = b""
+        return lines
+
+
+@dataclass(slots=True)
+class WheelsLink:
+    """A motor board over UDP or a serial line: wheel speeds out, encoder counts in.
+
+    It measures no pose: the estimator reckons from the encoders, from the start of the drive on.
+
+    Attributes:
+        robot: The robot; its wheels have the order of the board.
+        address: ``udp://HOST:PORT``, or a serial port such as ``/dev/ttyACM0`` or
+            ``/dev/ttyUSB0@57600`` (bits per second; default 115200).
+        lost: Number of reports that did not arrive.
+        damaged: Number of lines with a wrong checksum or content.
+    """
+
+    robot: Robot
+    address: str
+    lost: int = field(default=0, init=False)
+    damaged: int = field(default=0, init=False)
+    _clock: Clock = field(default_factory=MonotonicClock, init=False)
+    _port: _Port | None = field(default=None, init=False)
+    _lines: _Lines = field(default_factory=_Lines, init=False)
+    _hello: Hello | None = field(default=None, init=False)
+    _sequence: int = field(default=0, init=False)
+    _last: Report | None = field(default=None, init=False)
+    _turned: list[int] = field(default_factory=list, init=False)
+    """Counts of each wheel since the first report."""
+    _board_time: float = field(default=0.0, init=False)
+    """Time of the last report since the first by the board's clock, s."""
+    _offsets: deque[float] = field(
+        default_factory=lambda: deque(maxlen=_OFFSET_REPORTS), init=False
+    )
+    """Arrival on our clock minus time on the board's, s; the smallest has the least delay."""
+
+    def __post_init__(self) -> None:
+        _opener(self.address)
+
+    @property
+    def capabilities(self) -> LinkCapabilities:
+        """What the board said."""
+        watchdog = self._hello.watchdog if self._hello else None
+        return LinkCapabilities(watchdog, measures_pose=False, wheel_speeds=True)
+
+    def open(self, clock: Clock) -> None:
+        """Connect and ask the board what it is.
+
+        Raises:
+            LinkLost: The port cannot be opened, nobody answers, or the board has another number of
+                wheels or another version of the protocol.
+            MissingExtra: A serial port needs pyserial, which is not installed.
+        """
+        self._clock = clock
+        self._port = _opener(self.address)()
+        try:
+            self._greet(clock)
+        except BaseException:
+            self._port.close()
+            self._port = None
+            raise
+        self.stop()
+
+    def _greet(self, clock: Clock) -> None:
+        """Ask the board what it is, and compare it with the robot."""
+        give_up, ask = clock.now() + _HELLO_TIME, 0.0
+        while self._hello is None:
+            now = clock.now()
+            if now >= give_up:
+                raise LinkLost(f"no motor board answers at {self.address} within {_HELLO_TIME:g} s")
+            if now >= ask:
+                self._send(hello_request())
+                ask = now + _HELLO_PERIOD
+            self._receive()
+            clock.sleep_until(now + 0.005)
+        if self._hello.version != VERSION:
+            raise LinkLost(f"the board speaks version {self._hello.version}, need {VERSION}")
+        if self._hello.wheels != len(self.robot.mounts):
+            raise LinkLost(
+                f"the board has {self._hello.wheels} wheels, the robot {len(self.robot.mounts)}"
+            )
+
+    def read(self) -> SensorReadings | None:
+        """Return the wheel angles of the newest report since the last call."""
+        if not self._receive():
+            return None
+        assert self._hello is not None
+        radians = 2.0 * pi / self._hello.counts
+        angles = tuple(radians * count for count in self._turned)
+        return SensorReadings(self._board_time + min(self._offsets), angles)
+
+    def send(self, value: CommandValue) -> None:
+        """Send wheel speeds.
+
+        Raises:
+            InvalidInput: The command is torques.
+            LinkLost: The port failed.
+        """
+        if isinstance(value, WheelTorques):
+            raise InvalidInput("a motor board takes wheel speeds, no torques")
+        if isinstance(value, WheelSpeeds):
+            speeds = tuple(value)
+        else:
+            speeds = tuple(self.robot.chassis.wheel_speeds(BodyTwist(*value)).tolist())
+        self._sequence += 1
+        self._send(command_line(self._sequence, speeds))
+
+    def stop(self) -> None:
+        """Command zero speed."""
+        with suppress(LinkLost):
+            self.send(STOP)
+
+    def close(self) -> None:
+        """Stop the robot and close the port."""
+        self.stop()
+        if self._port is not None:
+            self._port.close()
+            self._port = None
+
+    def _send(self, data: bytes) -> None:
+        if self._port is None:
+            raise LinkLost("the link is not open")
+        try:
+            self._port.send(data)
+        except OSError as error:
+            raise LinkLost(f"{self.address}: {error.strerror or error}") from None
+
+    def _receive(self) -> bool:
+        """Process what has arrived; return whether it held a new report."""
+        if self._port is None:
+            raise LinkLost("the link is not open")
+        try:
+            data = self._port.receive()
+        except OSError as error:
+            raise LinkLost(f"{self.address}: {error.strerror or error}") from None
+        found = False
+        for line in self._lines.split(data):
+            said = parse(line)
+            if isinstance(said, Hello):
+                self._hello = said
+            elif isinstance(said, Report) and self._hello is not None:
+                found |= self._take(said)
+            elif said is None and line.strip():
+                self.damaged += 1
+        return found
+
+    def _take(self, report: Report) -> bool:
+        """Add a report; return whether it is newer than the last one."""
+        assert self._hello is not None
+        if len(report.counts) != self._hello.wheels:
+            self.damaged += 1
+            return False
+        last = self._last
+        if last is None:
+            self._turned = [0] * len(report.counts)
+        else:
+            ahead = sequence_difference(report.sequence, last.sequence)
+            if ahead <= 0:  # repeated or overtaken
+                return False
+            self.lost += ahead - 1
+            self._board_time += stamp_difference(report.stamp, last.stamp)
+            for i, (now, before) in enumerate(zip(report.counts, last.counts, strict=True)):
+                self._turned[i] += count_difference(now, before)
+        self._last = report
+        self._offsets.append(self._clock.now() - self._board_time)
+        return True
+
+
+def _opener(address: str) -> Callable[[], _Port]:
+    """Return a function that opens the port of an address.
+
+    Raises:
+        InvalidInput: The address has another form.
+    """
+    if address.startswith("udp://"):
+        host, _, port = address.removeprefix("udp://").rpartition(":")
+        if not host or not port.isdigit() or not 0 < int(port) < 2**16:
+            raise InvalidInput(f"the address of a motor board is udp://HOST:PORT, got {address!r}")
+        return lambda: _UdpPort(host, int(port))
+    name, _, baud = address.partition("@")
+    if not name.startswith(("/", "COM")) or (baud and not baud.isdigit()):
+        raise InvalidInput(
+            "the address of a motor board is udp://HOST:PORT or a serial port such as "
+            f"/dev/ttyACM0@115200, got {address!r}"
+        )
+    return lambda: _serial_port(name, int(baud or _BAUD))
+
+
+class _UdpPort:
+    """A UDP socket that hears one peer only."""
+
+    def __init__(self, host: str, port: int) -> None:
+        try:
+            family, kind, _, _, peer = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, kind)
+            self._socket.connect(peer)
+        except OSError as error:
+            raise LinkLost(f"udp://{host}:{port}: {error.strerror or error}") from None
+        self._socket.setblocking(False)
+
+    def receive(self) -> bytes:
+        """Return the datagrams that have arrived."""
+        parts = []
+        for _ in range(1000):
+            if not select.select([self._socket], [], [], 0.0)[0]:
+                break
+            with suppress(ConnectionRefusedError):  # the board is not there yet
+                parts.append(self._socket.recv(4096))
+        return b"".join(parts)
+
+    def send(self, data: bytes) -> None:
+        """Send one datagram; it is lost if nobody listens."""
+        with suppress(ConnectionRefusedError, BlockingIOError):
+            self._socket.send(data)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+def _serial_port(name: str, baud: int) -> _Port:
+    try:
+        serial: Any = import_module("serial")
+    except ModuleNotFoundError:
+        raise MissingExtra(
+            "a serial port needs pyserial, which is not installed: pip install 'omnidrive[wheels]'"
+        ) from None
+    try:
+        opened = serial.Serial(name, baud, timeout=0, write_timeout=0, exclusive=True)
+    except (OSError, ValueError) as error:
+        raise LinkLost(f"{name}: {error}") from None
+    return _SerialPort(opened)
+
+
+class _SerialPort:
+    """A serial line of pyserial, opened for this process alone."""
+
+    def __init__(self, opened: Any) -> None:
+        self._serial = opened
+
+    def receive(self) -> bytes:
+        """Return what has arrived."""
+        data: bytes = self._serial.read(1 << 16)
+        return data
+
+    def send(self, data: bytes) -> None:
+        """Send bytes."""
+        self._serial.write(data)
+
+    def close(self) -> None:
+        """Close the port."""
+        self._serial.close()

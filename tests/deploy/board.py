@@ -1,0 +1,111 @@
+"""A motor board in a thread, over UDP or a serial line: the reference loop of the protocol."""
+
+import os
+import select
+import socket
+import threading
+import time
+from math import pi
+
+from omnidrive.deploy.links.wheel_protocol import (
+    Hello,
+    Report,
+    hello_line,
+    is_hello_request,
+    parse_command,
+    report_line,
+)
+
+
+class Board:
+    """Wheels that turn exactly as commanded; it stops them without commands."""
+
+    def __init__(self, wheels, *, counts=4096, watchdog=0.3, period=0.01, first_stamp=0, first=0):
+        self.hello = Hello(1, wheels, counts, watchdog)
+        self.period, self.first_stamp, self.first = period, first_stamp, first
+        self.angles, self.speeds, self.acknowledged = [0.0] * wheels, (0.0,) * wheels, 0
+        self.damage = lambda line: line
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self):
+        self.open()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._ended.set()
+        self._thread.join()
+        self.close()
+
+    def _run(self):
+        heard = last = time.monotonic()
+        begin, number, rest = last, 0, b""
+        while not self._ended.is_set():
+            rest += self.receive(self.period)
+            *lines, rest = rest.split(b"\n")
+            now = time.monotonic()
+            self.angles = [
+                a + w * (now - last) for a, w in zip(self.angles, self.speeds, strict=True)
+            ]
+            last = now
+            for line in lines:
+                if is_hello_request(line):
+                    self.send(hello_line(self.hello))
+                command = parse_command(line)
+                if command is not None:
+                    self.acknowledged, self.speeds = command
+                    heard = now
+            if now - heard > self.hello.watchdog:
+                self.speeds = (0.0,) * self.hello.wheels
+            if now >= begin + number * self.period:
+                counted = [
+                    round(a / (2.0 * pi) * self.hello.counts) + self.first for a in self.angles
+                ]
+                counted = [(c + 2**31) % 2**32 - 2**31 for c in counted]
+                stamp = (self.first_stamp + round(1e6 * (now - begin))) % 2**32
+                report = Report(number % 2**16, stamp, self.acknowledged, tuple(counted))
+                self.send(self.damage(report_line(report)))
+                number += 1
+
+
+class UdpBoard(Board):
+    def open(self):
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.address = f"udp://127.0.0.1:{self.socket.getsockname()[1]}"
+        self.peer = None
+
+    def receive(self, wait):
+        if not select.select([self.socket], [], [], wait)[0]:
+            return b""
+        data, self.peer = self.socket.recvfrom(4096)
+        return data
+
+    def send(self, data):
+        if self.peer:
+            self.socket.sendto(data, self.peer)
+
+    def close(self):
+        self.socket.close()
+
+
+class SerialBoard(Board):
+    def open(self):
+        import tty
+
+        self.master, self.slave = os.openpty()
+        tty.setraw(self.slave)
+        tty.setraw(self.master)
+        self.address = f"{os.ttyname(self.slave)}@115200"
+
+    def receive(self, wait):
+        return os.read(self.master, 4096) if select.select([self.master], [], [], wait)[0] else b""
+
+    def send(self, data):
+        if select.select([], [self.master], [], 0.0)[1]:
+            os.write(self.master, data)
+
+    def close(self):
+        os.close(self.master)
+        os.close(self.slave)
