@@ -31,7 +31,6 @@ from omnidrive.errors import InvalidInput
 from omnidrive.estimation import EstimatorSettings, PoseEstimator, SensorSettings
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Hold
-
 from tests.deploy.board import SerialBoard, UdpBoard
 
 ROBOT = named_robot("small")
