@@ -32,7 +32,7 @@ def test_value(text, value):
 
 
 def test_text_names_units():
-    assert str(parse_objective("me+0.1*effort")) == "ME in mm + 0.1 x effort in rad/s²"
+    assert str(parse_objective("me+0.1*effort")) == "ME in mm + 0.1 × effort in rad/s²"
 
 
 def test_missing_metrics_are_infinite():

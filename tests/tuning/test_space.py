@@ -27,12 +27,15 @@ def test_parameters_of_other_packages():
 
 
 def test_fuzzy_pid_has_gains_sets_and_rules():
-    names = by_name(parameter_space(configure("controllers", "fuzzy_t2"), "paper"))
+    fuzzy = configure("controllers", "fuzzy_t2")
+    names = by_name(parameter_space(fuzzy, "paper", choose=["*"]))
     for name in ("position.kp", "heading.tuning", "fuzzy.error.small", "fuzzy.inputs.lag"):
         assert name in names
     assert sum(name.startswith("fuzzy.rules.") for name in names) == 7 * 7 * 3
     assert names["fuzzy.rules.kp.0.0"][1:4] == (-3.0, 3.0, 3.0)
     assert names["position.kp"].base == 4.0
+    by_default = by_name(parameter_space(fuzzy, "paper"))
+    assert names.keys() - by_default.keys() == {n for n in names if n.startswith("fuzzy.rules.")}
     recommended = by_name(parameter_space(configure("controllers", "fuzzy_t1"), "recommended"))
     assert recommended["position.kp"].base == 5.0
     assert "fuzzy.inputs.lag" not in recommended

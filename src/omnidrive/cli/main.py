@@ -27,6 +27,7 @@ VERBS = {
     "plan": "Search, smooth and time a path, and report its use of the robot's limits.",
     "run": "Simulate one controller in one task; write metrics, time series, figures and report.",
     "drive": "Drive a robot in real time: a simulated one in a process of its own.",
+    "tune": "Search for better parameters of a controller, and measure the gain on other runs.",
     "robot": "Show, import and identify robots.",
     "ros2": "Drive or simulate a robot in a ROS 2 graph, and examine the graph.",
     "list": "List controllers, plants, robots, maps, estimators, references and their parameters.",

@@ -1,17 +1,35 @@
+from .gain import Gain, HeldOut, held_out_gain
 from .objective import Limit, Objective, parse_limit, parse_objective
+from .report import lead, tuning_tables, write_tuning
+from .run_sets import RunSets, default_sets
 from .search import Budget, SearchResult, Trial, search
 from .space import Dimension, ParameterSpace, parameter_space
+from .tune import Tuning, TuningResult, TuningSettings, load_tuning, settings_of, tune
 
 __all__ = [
     "Budget",
     "Dimension",
+    "Gain",
+    "HeldOut",
     "Limit",
     "Objective",
     "ParameterSpace",
+    "RunSets",
     "SearchResult",
     "Trial",
+    "Tuning",
+    "TuningResult",
+    "TuningSettings",
+    "default_sets",
+    "held_out_gain",
+    "lead",
+    "load_tuning",
     "parameter_space",
     "parse_limit",
     "parse_objective",
     "search",
+    "settings_of",
+    "tune",
+    "tuning_tables",
+    "write_tuning",
 ]

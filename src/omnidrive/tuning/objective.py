@@ -48,7 +48,7 @@ class Term(NamedTuple):
     def __str__(self) -> str:
         unit = f" in {self.unit}" if self.unit else ""
         name = self.metric.label if self.statistic == "mean" else f"max. of {self.metric.label}"
-        return f"{name}{unit}" if self.weight == 1.0 else f"{self.weight:g} x {name}{unit}"
+        return f"{name}{unit}" if self.weight == 1.0 else f"{self.weight:g} × {name}{unit}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,9 @@ RATIO = 1.5
 SHARE = 0.1
 """Share of its range that is one scaled unit of another parameter; an integer: at least 1."""
 
+TABLE = 20
+"""Number of elements of a list beyond which they are tuned only if a pattern names them."""
+
 _DECADES = 100.0  # ratio of bounds from which the scale is logarithmic
 _LEAST = 1e-3  # lower end of a logarithmic scale without a positive bound, per present value
 _MOST = 1e3  # upper end of one without a finite bound
@@ -49,6 +52,8 @@ class Dimension(NamedTuple):
     """Whether the value is a whole number."""
     logarithmic: bool
     """Whether one scaled unit is a factor, :data:`RATIO`."""
+    in_table: bool = False
+    """Whether it is one of more than :data:`TABLE` numbers of a list."""
 
     @property
     def step(self) -> float:
@@ -128,7 +133,8 @@ def parameter_space(
         controller: The controller.
         preset: Preset of the scenario.
         choose: Patterns of the names of the parameters to tune, such as ``position.*``; those that
-            begin with ``!`` leave parameters out. Empty: all.
+            begin with ``!`` leave parameters out. Without others: all but the elements of long
+            lists, such as the consequents of fuzzy rules, which would need many more trials.
         ranges: Narrower ranges by name.
 
     Raises:
@@ -173,6 +179,8 @@ def _dimensions(hint: Any, value: Any, name: str) -> dict[str, Dimension]:
     for part, (inner_hint, inner_value) in parts.items():
         if inner_value is not None:
             found |= _dimensions(inner_hint, inner_value, f"{name}.{part}" if name else part)
+    if not field_names(bare) and len(found) > TABLE:
+        return {each: found[each]._replace(in_table=True) for each in found}
     return found
 
 
@@ -200,12 +208,12 @@ def _chosen(found: dict[str, Dimension], patterns: Sequence[str]) -> dict[str, D
             raise InvalidInput(
                 f"no parameter matches '{one_line(bare, 60)}'{suggestion(bare, list(found))}"
             )
-    wanted = [each for each in patterns if not each.startswith("!")] or ["*"]
+    wanted = [each for each in patterns if not each.startswith("!")]
     unwanted = [each.removeprefix("!") for each in patterns if each.startswith("!")]
     chosen = {
         name: each
         for name, each in found.items()
-        if any(fnmatchcase(name, pattern) for pattern in wanted)
+        if (any(fnmatchcase(name, pattern) for pattern in wanted) if wanted else not each.in_table)
         and not any(fnmatchcase(name, pattern) for pattern in unwanted)
     }
     if not chosen:

@@ -66,17 +66,17 @@ class EvidencePage(NamedTuple):
             "title": escape(title),
             "question": f'<p class="question">{escape(facts.question)}</p>'
             if facts.question else "",
-            "facts": _items(self._figures_of_the_study()),
+            "facts": items_markup(self._figures_of_the_study()),
             "partial": self._partial(),
             "answer": self._answer(),
             "claims": self._claims(),
-            "setup": _items(facts.setup),
-            "figures": "\n".join(map(_figure, self.figures)),
+            "setup": items_markup(facts.setup),
+            "figures": "\n".join(map(figure_markup, self.figures)),
             "tables": tables_markup(self.tables),
             "intervals": _ALWAYS_VALID.format(escape(facts.until)) if facts.until else _BOOTSTRAP,
             "file": escape(facts.file),
             "command": escape(facts.command),
-            "hashes": _items({**facts.hashes, **facts.versions}),
+            "hashes": items_markup({**facts.hashes, **facts.versions}),
             "definition": escape(facts.definition),
             "styles": "".join(f"<style>{text}</style>\n" for text in styles),
             "early": "".join(f"<script>{text}</script>\n" for text in early),
@@ -146,7 +146,8 @@ def _card(answer: TaskAnswer) -> str:
     )
 
 
-def _figure(figure: PageFigure) -> str:
+def figure_markup(figure: PageFigure) -> str:
+    """Return a figure with its title and caption."""
     data = b64encode(figure.svg).decode()
     return (
         f'<figure class="card"><h3>{escape(figure.title)}</h3>'
@@ -156,7 +157,7 @@ def _figure(figure: PageFigure) -> str:
     )
 
 
-def _items(facts: Mapping[str, str]) -> str:
+def items_markup(facts: Mapping[str, str]) -> str:
     """Return facts as the items of a description list."""
     return "\n".join(
         f"<div><dt>{escape(name)}</dt><dd>{escape(fact)}</dd></div>" for name, fact in facts.items()

@@ -1,0 +1,266 @@
+"""Results of tuning as files: parameters, trials, figures and an HTML report."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from hashlib import sha256
+from html import escape
+from io import StringIO
+from math import isfinite
+from pathlib import Path
+from shlex import quote
+
+from matplotlib.figure import Figure
+
+from omnidrive.evaluation.figures.style import save
+from omnidrive.evaluation.page.evidence import PageFigure, figure_markup, items_markup
+from omnidrive.evaluation.page.markup import tables_markup
+from omnidrive.evaluation.page.writer import content_policy, fill_template, read_parts
+from omnidrive.evaluation.table import Table
+from omnidrive.files.output_file import create_folder, output_file
+from omnidrive.study import StudyDefinition
+from omnidrive.study.controller_file import save_controller
+from omnidrive.tuning.figures import front_figure, progress_figure
+from omnidrive.tuning.optimizers import front
+from omnidrive.tuning.tune import (
+    HELD_OUT_FILE,
+    SETTINGS_FILE,
+    TRAINING_FILE,
+    TuningResult,
+)
+
+PARAMETERS_FILE = "parameters.yaml"
+"""Name of the file with the tuned controller."""
+
+
+def lead(result: TuningResult) -> str:
+    """Return the result as one or two sentences."""
+    label = result.tuning.settings.controller
+    if result.chosen.number == 0:
+        return (
+            f"No trial is better than the values of {label} before tuning, which are kept "
+            f"({len(result.search.trials)} trials)."
+        )
+    if not result.held_out.gains:
+        return f"{label} is tuned, but no held-out run finished before and after tuning."
+    gain = result.held_out.gains[0]
+    sentences = [f"{label} on runs that the search has not seen: {gain.text}: {gain.verdict}."]
+    if result.chosen.score.violation > 0.0:
+        sentences.append("No trial keeps all limits.")
+    held_out = result.held_out
+    if held_out.failed_after or held_out.failed_before:
+        sentences.append(
+            f"{held_out.failed_after} of {held_out.runs} held-out runs ended early, before tuning "
+            f"{held_out.failed_before}; gains are those of the others."
+        )
+    return " ".join(sentences)
+
+
+def tuning_tables(result: TuningResult) -> list[Table]:
+    """Return the gain on the held-out set, the changed parameters and, of several, the front."""
+    tables = [_gain_table(result), _change_table(result)]
+    if len(result.tuning.objectives) > 1:
+        tables.append(_front_table(result))
+    return tables
+
+
+def write_tuning(result: TuningResult) -> Iterator[Path]:
+    """Write ``parameters.yaml``, ``trials.csv``, figures and ``report.html`` into the folder.
+
+    Of several objectives, ``front/`` holds the controller of each point of the front.
+
+    Yields:
+        Path of each file after it is written.
+
+    Raises:
+        CannotWrite: A file cannot be written.
+    """
+    folder, space = result.folder, result.tuning.space
+    comments = [
+        f"Tuned by omnidrive tune: {' and '.join(map(str, result.tuning.objectives))}",
+        *(each.text for each in result.held_out.gains[:1]),
+    ]
+    save_controller(result.after, folder / PARAMETERS_FILE, comments)
+    yield folder / PARAMETERS_FILE
+    if len(result.tuning.objectives) > 1:
+        create_folder(folder / "front")
+        for k, number in enumerate(_front(result), 1):
+            controller = space.controller_with(result.search.trials[number].values)
+            assert controller is not None
+            path = folder / "front" / f"{k:02d}.yaml"
+            save_controller(controller, path, [f"Point {k} of the front, trial {number}"])
+            yield path
+    with output_file(folder / "trials.csv") as part:
+        part.write_text(_trials_csv(result), encoding="utf-8")
+    yield folder / "trials.csv"
+    figures = []
+    create_folder(folder / "figures")
+    for each in _figures(result):
+        path = folder / "figures" / f"{each[0]}.svg"
+        save(each[3], path)
+        figures.append(PageFigure(each[1], each[2], path.read_bytes()))
+        yield path
+    with output_file(folder / "report.html") as part:
+        part.write_text(_page(result, figures), encoding="utf-8", errors="backslashreplace")
+    yield folder / "report.html"
+
+
+def _front(result: TuningResult) -> list[int]:
+    return front([each.score for each in result.search.trials])
+
+
+def _gain_table(result: TuningResult) -> Table:
+    rows = []
+    for each in result.held_out.gains:
+        mean, low, high = (100.0 * share for share in each.relative)
+        change = f"{mean:+.1f}" if isfinite(mean) else "–"
+        interval = f"[{low:+.1f}, {high:+.1f}]" if isfinite(low) else "–"
+        cells = (f"{each.before:.4g}", f"{each.after:.4g}", change, interval)
+        rows.append((each.label, *(cell.replace("-", "\u2212") for cell in cells), each.verdict))
+    return Table(
+        "Gain on the held-out runs",
+        ("Quantity", "Before", "Tuned", "Change, %", "95 % interval, %", "Result"),
+        tuple(rows),
+        lead=lead(result),
+    )
+
+
+def _change_table(result: TuningResult) -> Table:
+    base, tuned = result.tuning.space.base, result.chosen.values
+    changed = [
+        each for each in result.tuning.space.dimensions if tuned[each.name] != base[each.name]
+    ]
+    same = len(base) - len(changed)
+    return Table(
+        "Changed parameters",
+        ("Parameter", "Before", "Tuned", "Unit", "Range"),
+        tuple(
+            (
+                each.name,
+                f"{base[each.name]:.4g}",
+                f"{tuned[each.name]:.4g}",
+                "" if each.unit == "1" else each.unit,
+                f"{each.low:.4g} to {each.high:.4g}",
+            )
+            for each in changed
+        ),
+        note=f"{same} tuned parameters have the values before tuning." if same else "",
+    )
+
+
+def _front_table(result: TuningResult) -> Table:
+    objectives = result.tuning.objectives
+    rows = [
+        (
+            f"{k:02d}.yaml",
+            str(number),
+            *(f"{value:.4g}" for value in result.search.trials[number].score.objectives),
+        )
+        for k, number in enumerate(_front(result), 1)
+    ]
+    return Table(
+        "Front",
+        ("File in front/", "Trial", *map(str, objectives)),
+        tuple(rows),
+        note=f"Values on the training runs. {PARAMETERS_FILE} is the compromise, trial "
+        f"{result.chosen.number}.",
+    )
+
+
+def _trials_csv(result: TuningResult) -> str:
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = [each.name for each in result.tuning.space.dimensions]
+    objectives = [each.text for each in result.tuning.objectives]
+    writer.writerow(["trial", *objectives, "violation", "failed_runs", *names])
+    for each in result.search.trials:
+        score = each.score
+        values = [each.values[name] for name in names]
+        writer.writerow([each.number, *score.objectives, score.violation, each.failed, *values])
+    return text.getvalue()
+
+
+def _figures(result: TuningResult) -> Iterator[tuple[str, str, str, Figure]]:
+    """Yield name, title, caption and figure."""
+    objectives, trials = result.tuning.objectives, result.search.trials
+    yield (
+        "trials", "Objective over the trials",
+        "Every point is one trial on the training runs; trials that violate a limit are left out.",
+        progress_figure(objectives, trials),
+    )  # fmt: skip
+    if len(objectives) > 1:
+        yield (
+            "front", "Front of the objectives",
+            "No trial is better than a point of the front in all objectives.",
+            front_figure(objectives, trials, result.chosen.number),
+        )  # fmt: skip
+
+
+def _page(result: TuningResult, figures: Sequence[PageFigure]) -> str:
+    """Return the HTML report; its content security policy permits only its own scripts."""
+    styles, early, late = (
+        read_parts(names)
+        for names in (("page.css", "evidence.css"), ("theme.js",), ("evidence.js",))
+    )
+    settings, folder = result.tuning.settings, result.folder
+    name = quote(str(folder))
+    file = quote(str(folder / PARAMETERS_FILE))
+    hashes = {
+        each: sha256((folder / each).read_bytes()).hexdigest()
+        for each in (SETTINGS_FILE, TRAINING_FILE, HELD_OUT_FILE, PARAMETERS_FILE, "trials.csv")
+    }
+    parts = {
+        "policy": content_policy(early + late, styles),
+        "title": escape(f"{settings.controller}: {', '.join(settings.objectives)}"),
+        "facts": items_markup(_facts(result)),
+        "lead": escape(lead(result)),
+        "tables": tables_markup(tuning_tables(result)),
+        "figures": "\n".join(map(figure_markup, figures)),
+        "setup": items_markup(_setup(result)),
+        "use": escape(f"omnidrive compare --controller {file}"),
+        "command": escape(f"omnidrive tune {name}"),
+        "hashes": items_markup(hashes),
+        "parameters": escape((folder / PARAMETERS_FILE).read_text(encoding="utf-8")),
+        "styles": "".join(f"<style>{text}</style>\n" for text in styles),
+        "early": "".join(f"<script>{text}</script>\n" for text in early),
+        "scripts": "".join(f"<script>{text}</script>\n" for text in late),
+    }
+    return fill_template("tuning.html", parts)
+
+
+def _facts(result: TuningResult) -> dict[str, str]:
+    settings = result.tuning.settings
+    return {
+        "Controller": f"{settings.controller} ({result.after.type})",
+        "Parameters": str(len(result.tuning.space.dimensions)),
+        "Trials": f"{len(result.search.trials):,}",
+        "Held-out runs": f"{result.held_out.runs:,}",
+    }
+
+
+def _setup(result: TuningResult) -> dict[str, str]:
+    settings, sets = result.tuning.settings, result.tuning.sets
+    scenario = sets.training.scenario
+    return {
+        "Objective": " and ".join(map(str, result.tuning.objectives)),
+        "Limits": ", ".join(settings.limits) or "every training run must finish",
+        "Optimiser": ("CMA-ES" if len(settings.objectives) == 1 else "NSGA-II")
+        + f", seed {settings.seed}",
+        "Robot and plant": f"{scenario.robot.name}, {scenario.plant.type}",
+        "Training": _set_text(sets.training),
+        "Held out": _set_text(sets.held_out),
+    }
+
+
+def _set_text(definition: StudyDefinition) -> str:
+    """Return seed, repetitions, axes and random factors of a set of runs."""
+    parts = [f"seed {definition.scenario.seed}", f"{definition.repetitions} repetitions"]
+    for axis in definition.axes:
+        parts.append(f"{axis.name}: {', '.join(map(str, axis.labels))}")
+    for factor in definition.random.factors:
+        low, high = (
+            f"{end:.4g}" if isinstance(end, float) else str(end) for end in factor.ends[:2]
+        )
+        parts.append(f"{factor.name} {low} to {high}")
+    return "; ".join(parts)

@@ -1,0 +1,227 @@
+"""Tuning from scenario to report, on the kinematic plant; interrupted and resumed."""
+
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from omnidrive.errors import CannotWrite, InvalidInput
+from omnidrive.study import RunPlan, Scenario, load_definition, save_scenario
+from omnidrive.study.controller_file import load_controller
+from omnidrive.study.store import Store
+from omnidrive.tuning import (
+    Tuning,
+    TuningSettings,
+    default_sets,
+    load_tuning,
+    stored_runs,
+    tune,
+    write_tuning,
+)
+from omnidrive.tuning.run_sets import RunSets, check_apart
+from tests.command import omnidrive
+
+
+def scenario(**changes):
+    return Scenario(
+        **{
+            "name": "small",
+            "robot": {"name": "paper"},
+            "plant": "kinematic",
+            "reference": {"type": "circle", "radius": 0.4},
+            "controllers": {"ff": {"type": "feedforward", "position": 0.5}, "pid": "pid"},
+            "sample_time": 0.2,
+            "tasks": {"track": {"durations": [4.0]}},
+            **changes,
+        }
+    )
+
+
+def small(trials=10, **changes):
+    settings = TuningSettings(controller="ff", trials=trials, **changes)
+    found = Tuning.of(scenario(), settings)
+    held_out = found.sets.held_out.scenario.with_values(
+        reference={"type": "eight", "length": 1.5}, tasks={"track": {"durations": [12.0]}}
+    )
+    quick = type(found.sets.held_out).from_scenario(held_out)
+    return Tuning(settings, RunSets(found.sets.training, quick))
+
+
+def refuse(runs):
+    raise AssertionError("a stored run was computed again")
+
+
+def without_times(result):
+    return (
+        result.search,
+        result.chosen,
+        [each for each in result.held_out.gains if "time" not in each.label],
+    )
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A finished tuning and its progress."""
+    progress = []
+    folder = tmp_path_factory.mktemp("tuning")
+    return tune(small(), folder, report=lambda *each: progress.append(each)), progress
+
+
+def test_search_improves_held_out_runs_and_resumes(finished, monkeypatch):
+    result, progress = finished
+    tmp_path = result.folder
+    assert result.chosen.score.objectives[0] < 0.9 * result.search.trials[0].score.objectives[0]
+    gain = result.held_out.gains[0]
+    assert gain.label == "ME in mm"
+    assert gain.after < gain.before
+    assert progress[-1][:3] == ("held-out runs", 2, 2)
+    assert progress[0][:3] == ("trials", 1, 10)
+
+    files = {path.name for path in write_tuning(result)}
+    assert files == {"parameters.yaml", "trials.csv", "trials.svg", "report.html"}
+    found = scenario(controllers={"tuned": str(tmp_path / "parameters.yaml")})
+    assert found.controllers["tuned"] == result.after
+    report = (tmp_path / "report.html").read_text()
+    for text in (gain.text.split(",")[0], "omnidrive tune ", "Changed parameters", "position"):
+        assert text in report
+    rows = (tmp_path / "trials.csv").read_text().splitlines()
+    assert rows[0] == "trial,me,violation,failed_runs,position,heading"
+    assert len(rows) == 1 + len(result.search.trials)
+
+    work = stored_runs._WORK
+    refused = type(work)(compute=refuse, lost=work.lost, name=work.name)
+    monkeypatch.setattr(stored_runs, "_WORK", refused)
+    again = tune(load_tuning(tmp_path), tmp_path)
+    assert without_times(again) == without_times(result)
+    held_out = load_definition(tmp_path / "held-out" / "study.yaml")
+    with Store(tmp_path / "held-out", read_only=True) as store:
+        assert store.status().runs == len(RunPlan(held_out)) == 2
+
+
+def test_interrupted_search_continues(finished, tmp_path):
+    def interrupt(part, done, total, best):
+        if done > 5:
+            raise KeyboardInterrupt
+
+    expected, _ = finished
+    with pytest.raises(KeyboardInterrupt):
+        tune(small(), tmp_path / "part", report=interrupt)
+    with Store(tmp_path / "part" / "training", read_only=True) as store:
+        done = store.status().runs
+    assert 0 < done < len(expected.search.trials)
+    found = tune(load_tuning(tmp_path / "part"), tmp_path / "part")
+    assert without_times(found) == without_times(expected)
+
+
+def test_several_objectives_write_their_front(tmp_path):
+    result = tune(small(trials=5, objectives=("me", "effort")), tmp_path)
+    files = [path for path in write_tuning(result) if path.parent.name == "front"]
+    assert files
+    assert load_controller(files[0])["type"] == "feedforward"
+    assert (tmp_path / "figures" / "front.svg").is_file()
+    assert "Front" in (tmp_path / "report.html").read_text()
+
+
+def test_folder_of_another_tuning_is_refused(tmp_path):
+    tune(small(trials=2), tmp_path)
+    with pytest.raises(CannotWrite, match="holds another tuning"):
+        tune(small(trials=2, objectives=("mae",)), tmp_path)
+    longer = load_tuning(tmp_path, trials=5)
+    assert len(tune(longer, tmp_path).search.trials) >= 5
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "notes.txt").write_text("mine")
+    with pytest.raises(CannotWrite, match="is not empty"):
+        tune(small(trials=2), other)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("a: 1", "is no tuning of this version"),
+        ("format: omnidrive-tuning-2", "is no tuning of this version"),
+        ("format: omnidrive-tuning-1\ncontroller: ff\ntrials: 0", "trials is 0, need 2 to"),
+        ("format: omnidrive-tuning-1\ncontroler: ff", "did you mean 'controller'"),
+    ],
+)
+def test_bad_settings_are_refused(tmp_path, content, message):
+    (tmp_path / "tuning.yaml").write_text(content)
+    with pytest.raises(InvalidInput, match=re.escape(message)):
+        load_tuning(tmp_path)
+
+
+@pytest.mark.parametrize("plant", ["kinematic", "planar"])
+def test_sets_share_neither_seeds_nor_references_nor_robots(plant):
+    for changes in ({}, {"tasks": {"track": {"durations": [4.0]}, "step": {
+            "displacement": [0.1, 0.0, 0.0], "duration": 2.0}}}):  # fmt: skip
+        sets = default_sets(scenario(plant=plant, **changes), "pid")
+        check_apart(sets)
+        training, held_out = sets
+        assert training.scenario.seed != held_out.scenario.seed
+        assert {run.job.task for run in RunPlan(training)} == {"track"}
+        shapes = {run.scenario.reference.type for run in RunPlan(held_out)}
+        assert shapes == {"eight", "square"}
+        robots = [
+            {run.factors.get("plant_robot.mass times", 1.0) for run in RunPlan(each)}
+            for each in sets
+        ]
+        if plant == "planar":
+            assert max(robots[0]) < min(robots[1])
+    with pytest.raises(InvalidInput, match="of the held-out runs are training runs"):
+        check_apart(RunSets(training, training))
+
+
+def test_command(tmp_path):
+    save_scenario(scenario(), tmp_path / "s.yaml")
+    words = ["tune", "s.yaml", "--controller", "ff", "--trials", 3, "--jobs", 1, "--out", "out"]
+    done = omnidrive(*words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "on runs that the search has not seen: ME in mm" in done.stdout.replace("\n", " ")
+    again = omnidrive("tune", "out", "--jobs", 1, cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert "results: out" in again.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "--controller is needed: the scenario has ff, pid"),
+        (["--controller", "xy"], "there is no controller 'xy'"),
+        (["--controller", "ff", "--objective", "mee"], "did you mean 'me'"),
+        (["--controller", "ff", "--limit", "me<=1"], "needs a unit"),
+        (["--controller", "ff", "--parameters", "posn"], "did you mean 'position'"),
+        (["--controller", "ff", "--range", "position=3"], "--range must be NAME=LOW:HIGH"),
+        (["--controller", "ff", "--range", "position=3:1"], "need an increasing one"),
+        (["--controller", "ff", "--minutes", "-1"], "minutes is -1 min, need 0.01 to"),
+        (["--controller", "ff", "--training", "no.yaml"], "no.yaml"),
+    ],
+)
+def test_bad_options_are_refused(tmp_path, words, message):
+    save_scenario(scenario(), tmp_path / "s.yaml")
+    done = omnidrive("tune", "s.yaml", *words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert message in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["s.yaml"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("processes", [1, 2])
+def test_killed_search_continues(tmp_path, processes):
+    expected = tune(small(60), tmp_path / "whole", processes=processes)
+    part = tmp_path / "part"
+    code = (
+        "from tests.tuning.test_tune import *\n"
+        f"tune(small(60), {str(part)!r}, processes={processes})"
+    )
+    for seconds in (4.0, 6.0, 8.0):
+        process = subprocess.Popen([sys.executable, "-c", code], cwd=Path(__file__).parents[2])
+        time.sleep(seconds)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    found = tune(small(60), part, processes=processes)
+    assert without_times(found) == without_times(expected)
