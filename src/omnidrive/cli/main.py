@@ -23,7 +23,7 @@ __all__ = ["VERBS", "app", "load_verb", "main", "run"]
 
 VERBS = {
     "compare": "Run a whole study: plan, simulate every controller, evaluate, report.",
-    "study": "Show, export and compare the results of studies.",
+    "study": "Vary anything in a scenario; show the differences and their uncertainty.",
     "plan": "Search, smooth and time a path, and report its use of the robot's limits.",
     "run": "Simulate one controller in one task; write metrics, time series, figures and report.",
     "drive": "Drive a robot in real time: a simulated one in a process of its own.",

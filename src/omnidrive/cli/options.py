@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from omnidrive.cli.completion import Complete, one_of
 from omnidrive.files.number_text import parse_number
@@ -18,10 +19,28 @@ PATH_PANEL, RUN_PANEL, RESULTS_PANEL = "Map and path", "Simulation", "Results"
 """Panels of the help text."""
 
 
-def verb_group(text: str) -> typer.Typer:
-    """Return an empty group of verbs, such as `omnidrive robot`, with a help text."""
+def verb_group(text: str, default: str | None = None) -> typer.Typer:
+    """Return an empty group of verbs, such as `omnidrive robot`.
+
+    Args:
+        text: Help text.
+        default: Verb that may be omitted. None: none.
+    """
+
+    class Group(TyperGroup):
+        def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+            """Insert the default verb unless a verb or the help is asked for."""
+            known = {*self.commands, "--help", "-h"}
+            if default is not None and args and args[0] not in known:
+                args = [default, *args]
+            return super().parse_args(ctx, args)
+
     return typer.Typer(
-        no_args_is_help=True, add_completion=False, rich_markup_mode="markdown", help=text
+        cls=Group,
+        no_args_is_help=True,
+        add_completion=False,
+        rich_markup_mode="markdown",
+        help=text,
     )
 
 

@@ -4,8 +4,15 @@ from __future__ import annotations
 
 from omnidrive.cli.options import verb_group
 from omnidrive.cli.study_evidence import diff, export, report
+from omnidrive.cli.study_run import list_studies, run
+from omnidrive.cli.study_store import resume, status
 
-study = verb_group("Show, export and compare the results of studies.")
+study = verb_group(
+    "Vary anything in a scenario; show the differences and their uncertainty.\n\n"
+    "`omnidrive study STUDY` is `omnidrive study run STUDY`.",
+    default="run",
+)
 
-for _verb in (report, export, diff):
+study.command(name="list")(list_studies)
+for _verb in (run, status, resume, report, export, diff):
     study.command()(_verb)

@@ -33,8 +33,14 @@ SchedulerOption = Annotated[
 CodeOption = Annotated[
     bool,
     flag(
-        "Allow components that are code in files or modules; it is executed.", None, "--allow-code"
+        "Import code that the study file names, such as mine.py:MyController; only for files that "
+        "you trust.",
+        None,
+        "--allow-code",
     ),
+]
+YesOption = Annotated[
+    bool, flag("Compute a study of more than ten million runs, too.", None, "--yes")
 ]
 
 
@@ -78,9 +84,7 @@ def resume(
     run_timeout: TimeoutOption = None,
     scheduler: SchedulerOption = None,
     allow_code: CodeOption = False,
-    yes: Annotated[
-        bool, flag("Do not ask about more than ten million runs.", None, "--yes")
-    ] = False,
+    yes: YesOption = False,
 ) -> None:
     """Continue a study that was interrupted or killed; stored runs are not computed again.
 

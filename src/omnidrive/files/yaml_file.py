@@ -30,9 +30,20 @@ def read_yaml(path: Path, kind: str, error_type: type[Exception]) -> Any:
             read or is not such YAML.
     """
     content = _content(path, kind, error_type, _MAX_BYTES)
-    name = one_line(str(path))
+    return parse_yaml(content, one_line(str(path)), kind, error_type)
+
+
+def parse_yaml(content: bytes | str, name: str, kind: str, error_type: type[Exception]) -> Any:
+    """Return the plain value in a text, as :func:`read_yaml`.
+
+    Args:
+        content: The text; bytes in UTF-8.
+        name: Source of the text for messages.
+        kind: Kind of the text for messages, see :func:`read_yaml`.
+        error_type: Type of the errors, see :func:`read_yaml`.
+    """
     try:
-        return yaml.load(content.decode("utf-8"), _Loader)
+        return yaml.load(content.decode() if isinstance(content, bytes) else content, _Loader)
     except RecursionError:
         raise error_type(f"{name} is not a YAML {kind}: it is nested too deeply") from None
     except Exception as error:  # PyYAML's constructors raise errors of many types

@@ -107,9 +107,10 @@ class ClusterPool:
             Exception: That of a call.
         """
         try:
-            done = self._dask.wait(
-                list(self._calls), timeout=timeout, return_when="FIRST_COMPLETED"
-            ).done
+            with self._client.as_current():
+                done = self._dask.wait(
+                    list(self._calls), timeout=timeout, return_when="FIRST_COMPLETED"
+                ).done
         except (TimeoutError, self._dask.TimeoutError):
             return []
         except self._dask.client.FuturesCancelledError:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from omnidrive.files.output_file import create_folder
 from omnidrive.files.str_path import StrPath, to_path
+from omnidrive.parameter import Bounds, check_number
 from omnidrive.simulation import Outcome
 from omnidrive.study.claims import Claims
 from omnidrive.study.engine import Work, execute_blocks, must_be_in_process
@@ -92,8 +93,9 @@ class Experiment:
             CannotWrite: The store cannot be written.
             WorkerLost: Worker processes end while they start.
         """
-        folder = to_path(self.folder)
-        create_folder(folder)
+        if time_limit is not None:
+            check_number("run_timeout", time_limit, Bounds(0.1, 1e6, "s"))
+        create_folder(folder := to_path(self.folder))
         work = Work(
             compute=self.compute,
             lost=self._lost,
@@ -110,13 +112,9 @@ class Experiment:
                 source = _UnstoredRuns(store, claims, plan, processes, extend)
                 self._began, before = monotonic(), store.status().runs
                 blocks = execute_blocks(
-                    source,
-                    work,
-                    processes,
-                    time_limit=time_limit,
-                    in_process=here,
+                    source, work, processes, time_limit=time_limit, in_process=here,
                     scheduler=scheduler,
-                )
+                )  # fmt: skip
                 with closing(blocks):  # which ends the workers
                     for records in blocks:
                         source.add(records)

@@ -14,7 +14,6 @@ from omnidrive.errors import CannotWrite, InvalidStore, one_line
 from omnidrive.evaluation.stop_rule import StopRule
 from omnidrive.files.output_file import create_folder, output_file, remove_abandoned
 from omnidrive.files.str_path import StrPath, to_path
-from omnidrive.parameter import Bounds, check_number
 from omnidrive.simulation import Run
 from omnidrive.study.block_runner import run_block
 from omnidrive.study.definition import SeriesKept, StudyDefinition
@@ -64,7 +63,7 @@ def run_experiment(
         folder: New folder, or that of the same study.
         processes: Number of worker processes.
         report: Called with the progress after each block of runs.
-        note: Called with one line of text when a stop rule has been checked.
+        note: Called with one line when a stop rule has been checked.
         run_timeout: Largest wall time of a run in a worker process, s. None: no limit.
         until: Repetitions are added until this rule is satisfied. None: those of the definition.
         most_repetitions: Largest number of repetitions with ``until``.
@@ -74,13 +73,11 @@ def run_experiment(
 
     Raises:
         InvalidStudy: The study has too many runs, or its random factors cannot be extended.
-        InvalidStore: The folder holds a damaged store, or one of a newer version.
+        InvalidStore: The store is damaged, or of a newer version.
         CannotWrite: The folder holds another study, or cannot be written.
         WorkerLost: Worker processes end while they start; stored runs are kept.
         MissingExtra: The scheduler needs an extra that is not installed.
     """
-    if run_timeout is not None:
-        check_number("run_timeout", run_timeout, Bounds(0.1, 1e6, "s"))
     path = to_path(folder)
     check_size(RunPlan(definition), confirmed=confirmed)
     planned = definition

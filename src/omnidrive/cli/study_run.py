@@ -1,0 +1,159 @@
+"""Verbs `omnidrive study run` and `list`: studies and their plans."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from omnidrive.cli.options import default_folder, flag, option
+from omnidrive.cli.study_store import (
+    CodeOption,
+    JobsOption,
+    SchedulerOption,
+    TimeoutOption,
+    YesOption,
+)
+from omnidrive.cli.terminal import show
+from omnidrive.errors import InvalidInput, one_line
+
+if TYPE_CHECKING:
+    from omnidrive.study.definition import StudyDefinition
+
+_MAX_VALUE = 2000  # characters of a value of --set
+_SHOWN_VALUES = 6
+
+
+StudyArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="STUDY",
+        help="Study file (.yaml), or a study of this package: see omnidrive study list.",
+    ),
+]
+OutOption = Annotated[
+    Path | None,
+    option(
+        "FOLDER",
+        "New folder for the results, or that of the same study, which then continues [default: "
+        "runs/NAME-TIME].",
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    option(
+        "PATH=VALUE",
+        "Value of a setting of the base scenario, such as plant=planar or "
+        "controllers.pid.kp=2; an axis of this name becomes fixed. May be repeated.",
+        None,
+        "--set",
+    ),
+]
+RepetitionsOption = Annotated[
+    int | None, option("N", "Number of repetitions, each with its own seed.", least=1)
+]
+UntilOption = Annotated[
+    str | None,
+    option(
+        "QUANTITY:WIDTH",
+        "Add repetitions until the intervals of all differences have at most this half width, "
+        "such as me:0.1mm; the intervals are valid whenever the study ends.",
+    ),
+]
+DryRunOption = Annotated[
+    bool, flag("Print the plan of the study; compute nothing.", None, "--dry-run")
+]
+
+
+def run(
+    source: StudyArgument,
+    out: OutOption = None,
+    jobs: JobsOption = None,
+    set_: SetOption = None,
+    repetitions: RepetitionsOption = None,
+    until: UntilOption = None,
+    scheduler: SchedulerOption = None,
+    run_timeout: TimeoutOption = None,
+    dry_run: DryRunOption = False,
+    allow_code: CodeOption = False,
+    yes: YesOption = False,
+) -> None:
+    """Compute the runs of a study; it can be interrupted at any time, and resumed.
+
+    For example:
+
+    * `omnidrive study friction.yaml`
+    * `omnidrive study paper --dry-run`
+    * `omnidrive study friction.yaml --set plant=planar --repetitions 50 --out runs/friction`
+    * `omnidrive study friction.yaml --until me:0.1mm`
+    """
+    from omnidrive.study.definition_file import load_definition
+
+    changes = dict(map(_parsed, set_ or ()))
+    definition = load_definition(source, changes=changes, allow_code=allow_code)
+    if repetitions is not None:
+        definition = definition.with_repetitions(repetitions)
+    if dry_run:
+        _show_plan(definition)
+        return
+    from omnidrive.cli.study_execution import execute_study
+
+    execute_study(
+        definition,
+        out or default_folder(definition.name),
+        jobs=jobs,
+        run_timeout=run_timeout,
+        until=until,
+        scheduler=scheduler,
+        yes=yes,
+    )
+
+
+def list_studies() -> None:
+    """Print the studies of this package, with their questions and numbers of runs.
+
+    For example:
+
+    * `omnidrive study list`
+    """
+    from omnidrive.study.definition_file import load_definition, study_names
+    from omnidrive.study.run_plan import RunPlan
+
+    for name in study_names():
+        definition = load_definition(name)
+        show(f"{name}: {len(RunPlan(definition)):,} runs. {definition.question}")
+
+
+def _parsed(text: str) -> tuple[str, Any]:
+    """Return path and value of ``--set``."""
+    from omnidrive.files.yaml_file import parse_yaml
+
+    path, equals, value = text.partition("=")
+    if not (equals and path.strip()) or len(value) > _MAX_VALUE:
+        raise InvalidInput(
+            f"--set {one_line(text, 60)}: write PATH=VALUE, such as plant=planar, with a value of "
+            f"at most {_MAX_VALUE} characters"
+        )
+    return path.strip(), parse_yaml(value, f"the value of --set {path}", "value", InvalidInput)
+
+
+def _show_plan(definition: StudyDefinition) -> None:
+    """Print what a study varies and how many runs that makes."""
+    from omnidrive.study.run_plan import RunPlan
+
+    plan = RunPlan(definition)
+    show(f"study {definition.name}: {len(plan):,} runs")
+    if definition.question:
+        show(f"question: {definition.question}")
+    show(f"controllers: {', '.join(definition.scenario.controllers)}")
+    for axis in definition.axes:
+        shown = ", ".join(map(str, axis.labels[:_SHOWN_VALUES]))
+        more = ", ..." if len(axis.labels) > _SHOWN_VALUES else ""
+        show(f"axis {axis.name}: {len(axis.labels)} values: {shown}{more}")
+    for factor in definition.random.factors:
+        show(f"random ({definition.random.method}): {factor.name}: {factor.source}")
+    show(f"repetitions: {definition.repetitions:,}, each with {plan.per_repetition:,} runs")
+    first = plan[0]
+    facts = "".join(f", {name} {value}" for name, value in first.factors.items())
+    show(f"first run: {first.job.task}, {first.job.controller}, {first.job.duration:g} s{facts}")
