@@ -36,6 +36,7 @@ from .run_record import RunRecord
 from .scenario import Scenario, map_scenario, paper_scenario
 from .scenario_file import load_scenario, save_scenario
 from .scenario_sections import MapSection, RobotSection, SensorsSection, robot_section
+from .stored_study import StoredStudy, compare_studies, export_study, read_study, report_study
 from .study import ProgressListener, Study, run_study
 from .tasks import Tasks, study_tasks
 from .timing import one_task, plan_at, retime, with_task
@@ -54,6 +55,7 @@ __all__ = [
     "RunRecord",
     "Scenario",
     "SensorsSection",
+    "StoredStudy",
     "Study",
     "StudyDefinition",
     "Tasks",
@@ -63,7 +65,9 @@ __all__ = [
     "check_plan_targets",
     "check_size",
     "check_study_folder",
+    "compare_studies",
     "definition_data",
+    "export_study",
     "faults_of",
     "jobs_of",
     "load_definition",
@@ -83,6 +87,8 @@ __all__ = [
     "plan_facts",
     "plan_scenario",
     "planned_duration",
+    "read_study",
+    "report_study",
     "retime",
     "robot_section",
     "run_block",
