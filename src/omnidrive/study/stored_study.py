@@ -137,9 +137,9 @@ def report_study(
         InvalidInput: The runs have no such metric.
         CannotWrite: A file cannot be written.
     """
+    chosen = None if out is None else to_path(out)
     evidence, facts = study.evidence, study.facts()
-    default = study.folder / "evidence" if study.is_comparison else study.folder
-    folder = default if out is None else to_path(out)
+    folder = chosen or (study.folder / "evidence" if study.is_comparison else study.folder)
     tables = study_tables(evidence, facts, metric)
     page = folder
     for page in write_study_report(evidence, facts, tables, folder, metric):
