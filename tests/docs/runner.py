@@ -22,7 +22,7 @@ from pathlib import Path
 import yaml
 from typer.testing import CliRunner
 
-from omnidrive.cli.main import app
+from omnidrive.cli.main import app, load_verb
 from omnidrive.errors import CannotDraw, OmnidriveError
 from omnidrive.robot import named_robot
 from omnidrive.study import load_scenario, paper_scenario, study
@@ -163,7 +163,9 @@ def check_extras(words: list[str]) -> None:
 
 def check_options(words: list[str]) -> None:
     """Check the names of a verb and its options."""
-    help_text = CliRunner().invoke(app, [words[0], "--help"], env={"COLUMNS": "200"}).output
+    group = getattr(load_verb(words[0]), "commands", {})
+    verb = words[: 2 if words[1:2] and words[1] in group else 1]
+    help_text = CliRunner().invoke(app, [*verb, "--help"], env={"COLUMNS": "200"}).output
     for word in words[1:]:
         if word.startswith("--"):
             assert re.search(rf"{word}\b", help_text), word

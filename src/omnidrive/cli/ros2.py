@@ -10,7 +10,7 @@ import typer
 from omnidrive.cli.completion import component
 from omnidrive.cli.options import JsonOption, choice, choose_one, flag, option, verb_group
 from omnidrive.cli.terminal import conclude, print_json, show
-from omnidrive.errors import one_line
+from omnidrive.errors import InvalidInput, one_line
 
 if TYPE_CHECKING:
     from omnidrive.deploy.drive import DriveResult
@@ -268,6 +268,16 @@ def drive(
     use_sim_time: Annotated[
         bool | None, flag("Use the time of /clock.", None, "--use-sim-time")
     ] = None,
+    serve: Annotated[
+        bool,
+        flag(
+            "Serve the action follow_path and the lifecycle of the node, as the controller server "
+            "of Nav2; other nodes need rmw_cyclonedds.",
+            None,
+            "--serve",
+        ),
+    ] = False,
+    node_name: Annotated[str, option("NAME", "Name of the node.")] = "omnidrive_drive",
     drives: Annotated[
         int | None, option("N", "Number of paths and goals [default: until stopped].", least=1)
     ] = None,
@@ -285,40 +295,50 @@ def drive(
 
     * `omnidrive ros2 drive --robot mecanum --reference eight`
     * `omnidrive ros2 drive --params drive.yaml --plan /plan_smoothed`
+    * `omnidrive ros2 drive --serve --node-name controller_server`
     """
     options = node_options(domain, peers, distribution)
     settings = _drive_settings(
         params,
+        node_name,
         robot=robot, controller=controller, rate=rate, speed=speed, world_frame=world_frame,
         base_frame=base_frame, cmd_vel=cmd_vel, odom=odom, plan=plan, use_sim_time=use_sim_time,
     )  # fmt: skip
-    if not _drive(settings, options, reference, drives):
+    if serve and reference is not None:
+        raise InvalidInput("--serve follows the paths of its goals: leave out --reference")
+    if not _drive(settings, options, node_name, reference, serve=serve, drives=drives):
         raise typer.Exit(1)
 
 
-def _drive_settings(params: Path | None, **options: Any) -> DriveSettings:
+def _drive_settings(params: Path | None, node: str, **options: Any) -> DriveSettings:
     """Return the settings of a file, if there is one, with the options."""
     from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 
     settings = DriveSettings()
     if params is not None:
-        settings = settings.with_values(read_parameters(params), f"{one_line(str(params))}: ")
+        settings = settings.with_values(read_parameters(params, node), f"{one_line(str(params))}: ")
     return settings.with_values(options)
 
 
 def _drive(
-    settings: DriveSettings, options: dict[str, Any], reference: str | None, drives: int | None
+    settings: DriveSettings,
+    options: dict[str, Any],
+    name: str,
+    reference: str | None,
+    *,
+    serve: bool,
+    drives: int | None,
 ) -> bool:
     """Drive, print the end of each drive, and return whether all were finished."""
     from omnidrive.compiled import announce_compiling
     from omnidrive.deploy.links.ros2 import Ros2Link
     from omnidrive.deploy.ros2 import Node
     from omnidrive.deploy.ros2.drive_reports import DriveReports
-    from omnidrive.deploy.ros2.drive_settings import NODE_NAME
+    from omnidrive.deploy.ros2.follow_path import FollowPathServer
     from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower, PlanFollower
 
     made = settings.make_robot()
-    with Node(NODE_NAME, **options) as node, announce_compiling():
+    with Node(name, **options) as node, announce_compiling():
         link = Ros2Link(node, made, settings.link)
         reports = DriveReports(node, link.ros_clock, settings.world_frame)
         pipeline = settings.make_pipeline(made, reports)
@@ -333,6 +353,9 @@ def _drive(
         if reference is not None:
             motion = _motion(reference, made, follower.current_pose())
             return _conclude(follower.drive(motion))
+        if serve:
+            show(f"serving follow_path; the lifecycle of {node.full_name} is unconfigured")
+            return all([_conclude(each) for each in FollowPathServer(follower).run(drives)])
         plans = PlanFollower(follower, settings.plan, settings.goal, settings.map)
         show(f"waiting for paths on {settings.plan} and goals on {settings.goal}")
         return all([_conclude(each) for each in plans.run(drives)])

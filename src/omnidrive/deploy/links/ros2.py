@@ -97,6 +97,8 @@ class Ros2Link:
                 settings.joint_states, "sensor_msgs/msg/JointState", SENSOR_QOS
             )
         self._angles: tuple[float, ...] = ()
+        self.sent: BodyTwist = STOP
+        """The last command."""
 
     @property
     def robot(self) -> Robot:
@@ -155,6 +157,7 @@ class Ros2Link:
             raise InvalidInput(f"{self.settings.cmd_vel} takes finite body twists, got {value}")
         if self._commands is None:
             return
+        self.sent = value
         message: Any = self._commands.message()
         if self._commands.type == _TYPES[0]:
             message.header.stamp = stamp(self.ros_clock.now() or 0.0, self.node.distribution)

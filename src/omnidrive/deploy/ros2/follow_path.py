@@ -1,0 +1,268 @@
+"""The action ``follow_path`` of Nav2: omnidrive as the controller server of a behaviour tree."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import hypot
+from typing import Any
+
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.deploy.controls import DriveControls
+from omnidrive.deploy.drive import DriveResult
+from omnidrive.deploy.ros2.dds import LATCHED_QOS
+from omnidrive.deploy.ros2.message import Message, message_type
+from omnidrive.deploy.ros2.path_follower import PathFollower
+from omnidrive.deploy.ros2.path_reference import path_poses
+from omnidrive.deploy.ros2.ros_time import stamp
+from omnidrive.deploy.ros2.service import ACTIVE, FINALIZED, Lifecycle, Service
+from omnidrive.errors import InvalidReference, OmnidriveError, one_line
+
+_log = logging.getLogger("omnidrive")
+_POLL, _FEEDBACK_PERIOD = 0.005, 0.1  # s
+_MOST_GOALS = 100
+UNKNOWN, ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(7)
+"""Status of a goal, as in ``action_msgs/msg/GoalStatus``."""
+_FAILED, _INVALID_PATH = 100, 103
+"""Error codes of ``nav2_msgs/action/FollowPath``."""
+_CANCEL_REJECTED = 1
+_TYPE = "nav2_msgs/action/FollowPath"
+
+
+@dataclass(eq=False)
+class Goal:
+    """One goal of the action."""
+
+    identity: bytes
+    """Its UUID."""
+    poses: Float[Array, "poses 3"] | None
+    """Path in W; None: it is not usable."""
+    accepted: float
+    """Time in ROS, s."""
+    status: int = ACCEPTED
+    error_code: int = 0
+    message: str = ""
+    waiting: list[bytes] = field(default_factory=list)
+    """Identities of the requests for its result."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has a result."""
+        return self.status in {SUCCEEDED, CANCELED, ABORTED}
+
+
+class FollowPathServer:
+    """Server of the action ``follow_path``, and of the lifecycle of the node.
+
+    One goal is driven at a time; a new one aborts the present one, after which the robot stops and
+    starts along the new path. Goals are accepted in the state ``active`` of the lifecycle only.
+
+    Args:
+        follower: Drives along references.
+        action: Name of the action.
+
+    Attributes:
+        lifecycle: Lifecycle of the node.
+    """
+
+    def __init__(self, follower: PathFollower, action: str = "follow_path") -> None:
+        self._follower, self._node = follower, follower.link.node
+        self.lifecycle = Lifecycle(self._node)
+        self._goals: dict[bytes, Goal] = {}
+        self._present: Goal | None = None
+        self._controls: DriveControls | None = None
+        self._lock = threading.RLock()
+        self._fed = 0.0
+        base = f"{action}/_action"
+        self._send = Service(self._node, f"{base}/send_goal", f"{_TYPE}_SendGoal", self._accept)
+        self._cancel = Service(
+            self._node, f"{base}/cancel_goal", "action_msgs/srv/CancelGoal", self._cancel_goals
+        )
+        self._result = Service(
+            self._node, f"{base}/get_result", f"{_TYPE}_GetResult", self._get_result
+        )
+        self._feedback = self._node.publisher(f"{base}/feedback", f"{_TYPE}_FeedbackMessage")
+        self._status = self._node.publisher(
+            f"{base}/status", "action_msgs/msg/GoalStatusArray", LATCHED_QOS
+        )
+
+    def run(self, drives: int | None = None) -> Iterator[DriveResult]:
+        """Yield the result of each drive, until a stop is requested or the node is shut down.
+
+        Args:
+            drives: Number of drives after which it ends; None: no limit.
+        """
+        done = 0
+        ended = threading.Event()
+        thread = threading.Thread(target=self._serve, args=(ended,), daemon=True)
+        thread.start()
+        try:
+            while self._goes_on and (drives is None or done < drives):
+                goal = self._next_goal()
+                if goal is None:
+                    self._follower.link.poses.read()
+                    self._follower.requests.pass_on(DriveControls())
+                    time.sleep(_POLL)
+                    continue
+                result = self._drive(goal)
+                if result is not None:
+                    done += 1
+                    yield result
+                    if result.ending.startswith("signal"):
+                        return
+            time.sleep(0.1)  # for the last requests
+        finally:
+            ended.set()
+            thread.join()
+
+    @property
+    def _goes_on(self) -> bool:
+        return not self._follower.requests.stopped and self.lifecycle.state != FINALIZED
+
+    def _serve(self, ended: threading.Event) -> None:
+        """Answer requests, in a thread."""
+        while not ended.wait(_POLL):
+            with self._lock:
+                for each in (self.lifecycle, self._send, self._cancel, self._result):
+                    try:
+                        each.poll()
+                    except OmnidriveError as error:
+                        _log.warning("a request cannot be answered: %s", error)
+                if self.lifecycle.state != ACTIVE and self._controls is not None:
+                    self._controls.stop("the node is not active any more")
+
+    def _next_goal(self) -> Goal | None:
+        with self._lock:
+            waiting = [each for each in self._goals.values() if each.status == ACCEPTED]
+            return waiting[-1] if waiting else None
+
+    def _drive(self, goal: Goal) -> DriveResult | None:
+        """Drive along the path of a goal and give it its result."""
+        controls = DriveControls(arm=True)
+        with self._lock:
+            self._present, self._controls = goal, controls
+            self._change(goal, EXECUTING)
+        result, code, message = self._driven(goal, controls)
+        with self._lock:
+            self._present = self._controls = None
+            goal.message, goal.error_code = one_line(message), code
+            canceled = goal.status == CANCELING and code
+            self._change(goal, CANCELED if canceled else ABORTED if code else SUCCEEDED)
+        return result
+
+    def _driven(self, goal: Goal, controls: DriveControls) -> tuple[DriveResult | None, int, str]:
+        """Drive along a path; return the result, the error code of Nav2 and the reason."""
+        if goal.poses is None:
+            return None, _INVALID_PATH, goal.message
+        try:
+            reference = self._follower.reference_along(goal.poses)
+            result = self._follower.drive(
+                reference, watch=lambda _: self._feed_back(goal), controls=controls
+            )
+        except OmnidriveError as error:
+            code = _INVALID_PATH if isinstance(error, InvalidReference) else _FAILED
+            return None, code, str(error)
+        return result, 0 if result.finished else _FAILED, result.ending
+
+    def _accept(self, request: Any, _identity: bytes) -> Message:
+        """Accept a goal, if the node is active, and stop the present drive for it."""
+        now = self._follower.link.ros_clock.now() or 0.0
+        key = request.goal_id.uuid.tobytes()
+        accepted = self.lifecycle.state == ACTIVE and key not in self._goals
+        if accepted:
+            source, poses, fault = self._follower.link.poses, None, ""
+            try:
+                poses = path_poses(request.goal.path, source.frames.world, source.tree)
+            except InvalidReference as error:
+                fault = str(error)
+            for each in self._goals.values():
+                if each.status == ACCEPTED:
+                    self._change(each, ABORTED)
+            over = [k for k, each in self._goals.items() if each.is_over]
+            for old in over[: max(len(self._goals) - _MOST_GOALS, 0)]:
+                del self._goals[old]
+            self._goals[key] = Goal(key, poses, now, message=fault)
+            if self._controls is not None:
+                self._controls.stop("a new goal")
+            self._publish_status()
+        time_stamp = stamp(now, self._node.distribution)
+        return self._send.response(accepted=accepted, stamp=time_stamp)
+
+    def _cancel_goals(self, request: Any, _identity: bytes) -> Message:
+        """Cancel the goal that is named, or all goals."""
+        key = request.goal_info.goal_id.uuid.tobytes()
+        found = [
+            each
+            for each in self._goals.values()
+            if not each.is_over and (not any(key) or each.identity == key)
+        ]
+        for each in found:
+            if each is self._present and self._controls is not None:
+                self._change(each, CANCELING)
+                self._controls.stop("canceled")
+            else:
+                self._change(each, CANCELED)
+        return self._cancel.response(
+            return_code=0 if found else _CANCEL_REJECTED,
+            goals_canceling=[self._info(each) for each in found],
+        )
+
+    def _get_result(self, request: Any, identity: bytes) -> Message | None:
+        """Return the result of a goal that is over; that of another one follows."""
+        goal = self._goals.get(request.goal_id.uuid.tobytes())
+        if goal is None:
+            return self._result.response(status=UNKNOWN)
+        if goal.is_over:
+            return self._response(goal)
+        goal.waiting.append(identity)
+        del goal.waiting[:-_MOST_GOALS]
+        return None
+
+    def _response(self, goal: Goal) -> Message:
+        response = self._result.response(status=goal.status)
+        fields = {each.name for each in response.result.interface.fields}
+        if "error_code" in fields:  # from Iron on
+            response.result.error_code = goal.error_code
+        if "error_msg" in fields:  # from Kilted on
+            response.result.error_msg = goal.message
+        return response
+
+    def _change(self, goal: Goal, status: int) -> None:
+        """Change the status of a goal, announce it, and answer those who wait for its result."""
+        goal.status = status
+        self._publish_status()
+        if goal.is_over:
+            for identity in goal.waiting:
+                self._result.reply(self._response(goal), identity)
+            goal.waiting.clear()
+
+    def _publish_status(self) -> None:
+        make = message_type("action_msgs/msg/GoalStatus", self._node.distribution)
+        listed = [make(self._info(each), each.status) for each in self._goals.values()]
+        self._status.publish(self._status.message(status_list=listed))
+
+    def _info(self, goal: Goal) -> Message:
+        distribution = self._node.distribution
+        uuid = message_type("unique_identifier_msgs/msg/UUID", distribution)
+        make = message_type("action_msgs/msg/GoalInfo", distribution)
+        return make(uuid(list(goal.identity)), stamp(goal.accepted, distribution))
+
+    def _feed_back(self, goal: Goal) -> None:
+        """Publish distance to the goal and speed, ten times a second."""
+        now = time.monotonic()
+        poses = self._follower.link.poses
+        pose = poses.tree.pose(poses.frames.base, poses.frames.world)
+        if now - self._fed < _FEEDBACK_PERIOD or pose is None or goal.poses is None:
+            return
+        self._fed = now
+        message = self._feedback.message()
+        message.goal_id.uuid = list(goal.identity)
+        x, y, _ = goal.poses[-1].tolist()
+        message.feedback.distance_to_goal = hypot(x - pose.x, y - pose.y)
+        message.feedback.speed = hypot(*self._follower.link.sent[:2])
+        self._feedback.publish(message)
