@@ -151,6 +151,10 @@ def _explain(problem: Any, model: type) -> str:
     key = ".".join(map(str, _fields(problem["loc"])))
     if kind in _MESSAGES:
         return _MESSAGES[kind].format(key=key, value=short_repr(value))
+    if kind in {"model_type", "dataclass_type"}:
+        names = field_names(_model_at(_fields(problem["loc"]), model))
+        first = f", such as {names[0]}: ..." if names else ""
+        return f"{key or 'it'} must hold keys{first}; got {short_repr(value)}"
     message = problem["msg"].removeprefix("Value error, ")
     if kind in {"value_error", "component"}:
         colon = ":" if key and message.startswith(_SENTENCES) else ""
@@ -169,10 +173,15 @@ def _within(keys: list[Any]) -> str:
 
 def _suggestion(name: str, loc: list[Any], model: Any) -> str:
     """Return a suggestion of the closest valid key at ``loc`` of a model, or of all."""
+    keys = field_names(_model_at(loc, model))
+    return suggestion(name, keys, most=len(keys))
+
+
+def _model_at(loc: list[Any], model: Any) -> Any:
+    """Return the class of the value at ``loc`` of a model."""
     for part in loc:
         if part in FAULTS:
             model = FAULTS[part]
         elif isinstance(part, str) and part in field_names(model):
             model = field_type(model, part)
-    keys = field_names(model)
-    return suggestion(name, keys, most=len(keys))
+    return model
