@@ -2,7 +2,9 @@
 
 import csv
 from hashlib import sha256
+from importlib.metadata import version
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
@@ -88,6 +90,14 @@ def test_facts_state_what_was_done(first):
     assert not facts.published
     assert study.evidence.runs.axes == ("sample_time",)
     assert study.evidence.runs.random_factors == ("reference.radius",)
+
+
+def test_versions_are_stated_only_if_the_keys_are_theirs(first):
+    study = read_study(first)
+    assert study.facts().versions["omnidrive"] == version("omnidrive")
+    keys = ["0" * 64, *study.table["key"].to_pylist()[1:]]
+    other = study._replace(table=study.table.set_column(1, "key", pa.array(keys)))
+    assert list(other.facts().versions) == ["Versions"]
 
 
 def test_hash_of_the_results_is_that_of_the_exported_file(first, second, tmp_path):

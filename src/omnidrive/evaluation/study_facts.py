@@ -24,7 +24,7 @@ class StudyFacts:
         command: Command that repeats the study, given the study file.
         hashes: SHA-256 in hexadecimal digits of what the results depend on and of the results, by
             their names.
-        versions: Versions of the distributions that computed the results.
+        versions: Versions of the distributions that computed the results, as far as they are known.
         until: Stop rule of a study that ends when its intervals are narrow enough; empty: none.
         published: Whether the claims of the paper are checked.
     """

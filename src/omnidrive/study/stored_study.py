@@ -61,7 +61,7 @@ class StoredStudy(NamedTuple):
 
     def facts(self) -> StudyFacts:
         """Return what the report states beside the results."""
-        definition = self.definition
+        definition, plan = self.definition, RunPlan(self.definition)
         until = f" --until {self.until}" if self.until else ""
         scenario = definition.scenario
         return StudyFacts(
@@ -69,7 +69,7 @@ class StoredStudy(NamedTuple):
             question=definition.question,
             setup=_setup(definition),
             types={label: _controller_type(each) for label, each in scenario.controllers.items()},
-            planned=0 if self.until else len(RunPlan(definition)),
+            planned=0 if self.until else len(plan),
             definition=self.text,
             command=f"omnidrive compare {SCENARIO_FILE} --out repeated"
             if self.is_comparison
@@ -80,10 +80,17 @@ class StoredStudy(NamedTuple):
                 "Scenarios, seeds, components": plan_digest(self.table["key"].to_pylist()),
                 "Results": results_digest(self.table),
             },
-            versions={name: version(name) for name in VERSIONS},
+            versions=self._versions(plan),
             until=self.until,
             published=definition.name == _PAPER_TABLES,
         )
+
+    def _versions(self, plan: RunPlan) -> dict[str, str]:
+        """Return the versions that computed the runs, if they are the installed ones."""
+        number, key = self.table["number"][0].as_py(), self.table["key"][0].as_py()
+        if number < len(plan) and plan.keys(number, number + 1) == [key]:
+            return {name: version(name) for name in VERSIONS}
+        return {"Versions": "other ones, or other files, than those that are installed now"}
 
 
 def read_study(folder: StrPath, *, allow_code: bool = False) -> StoredStudy:
