@@ -10,13 +10,14 @@ from pathlib import Path
 import pytest
 
 from omnidrive.errors import CannotWrite, InvalidInput
-from omnidrive.study import RunPlan, Scenario, load_definition, save_scenario
+from omnidrive.study import RunPlan, Scenario, StudyDefinition, load_definition, save_scenario
 from omnidrive.study.controller_file import load_controller
 from omnidrive.study.store import Store
 from omnidrive.tuning import (
     Tuning,
     TuningSettings,
     default_sets,
+    equal_budget,
     load_tuning,
     stored_runs,
     tune,
@@ -92,9 +93,9 @@ def test_search_improves_held_out_runs_and_resumes(finished, monkeypatch):
     assert rows[0] == "trial,me,violation,failed_runs,position,heading"
     assert len(rows) == 1 + len(result.search.trials)
 
-    work = stored_runs._WORK
+    work = stored_runs._work(timed=False)
     refused = type(work)(compute=refuse, lost=work.lost, name=work.name)
-    monkeypatch.setattr(stored_runs, "_WORK", refused)
+    monkeypatch.setattr(stored_runs, "_work", lambda *, timed: refused)
     again = tune(load_tuning(tmp_path), tmp_path)
     assert without_times(again) == without_times(result)
     held_out = load_definition(tmp_path / "held-out" / "study.yaml")
@@ -137,6 +138,24 @@ def test_folder_of_another_tuning_is_refused(tmp_path):
     (other / "notes.txt").write_text("mine")
     with pytest.raises(CannotWrite, match="is not empty"):
         tune(small(trials=2), other)
+
+
+def test_equal_budget_tunes_every_controller(tmp_path):
+    slow, stiff = {"type": "feedforward", "position": 0.5}, {"type": "feedforward"}
+    base = scenario(controllers={"ff": slow, "stiff": stiff})
+    definition = StudyDefinition.from_scenario(base)
+    found = equal_budget(definition, 3, tmp_path)
+    before, after = (each.scenario.controllers for each in (definition, found))
+    assert list(after) == list(before)
+    assert after["ff"] != before["ff"]
+    assert found.scenario.seed == definition.scenario.seed
+    assert (tmp_path / "stiff" / "training" / "runs.sqlite").is_file()
+    assert not (tmp_path / "ff" / "held-out").exists()
+
+
+def test_computing_times_can_be_objectives(tmp_path):
+    result = tune(small(trials=2, objectives=("me", "computing_time")), tmp_path)
+    assert all(each.score.objectives[1] < 1e9 for each in result.search.trials)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from omnidrive.cli.options import default_folder, flag, option
+from omnidrive.cli.options import available_cores, default_folder, flag, option
 from omnidrive.cli.study_store import (
     CodeOption,
     JobsOption,
@@ -61,6 +61,15 @@ UntilOption = Annotated[
         "such as me:0.1mm; the intervals are valid whenever the study ends.",
     ),
 ]
+EqualBudgetOption = Annotated[
+    int | None,
+    option(
+        "N",
+        "Tune every controller with N trials first, on other seeds and robots, into FOLDER-tuning; "
+        "needs the extra `tuning`.",
+        least=2,
+    ),
+]
 DryRunOption = Annotated[
     bool, flag("Print the plan of the study; compute nothing.", None, "--dry-run")
 ]
@@ -73,6 +82,7 @@ def run(
     set_: SetOption = None,
     repetitions: RepetitionsOption = None,
     until: UntilOption = None,
+    equal_budget: EqualBudgetOption = None,
     scheduler: SchedulerOption = None,
     run_timeout: TimeoutOption = None,
     dry_run: DryRunOption = False,
@@ -87,6 +97,7 @@ def run(
     * `omnidrive study paper --dry-run`
     * `omnidrive study friction.yaml --set plant=planar --repetitions 50 --out runs/friction`
     * `omnidrive study friction.yaml --until me:0.1mm`
+    * `omnidrive study friction.yaml --equal-budget 100`
     """
     from omnidrive.study.definition_file import load_definition
 
@@ -99,15 +110,35 @@ def run(
         return
     from omnidrive.cli.study_execution import execute_study
 
+    folder = out or default_folder(definition.name)
+    if equal_budget is not None:
+        definition = _tuned(definition, equal_budget, folder, jobs)
     execute_study(
         definition,
-        out or default_folder(definition.name),
+        folder,
         jobs=jobs,
         run_timeout=run_timeout,
         until=until,
         scheduler=scheduler,
         yes=yes,
     )
+
+
+def _tuned(
+    definition: StudyDefinition, trials: int, folder: Path, jobs: int | None
+) -> StudyDefinition:
+    """Return the study with controllers that are tuned with equal numbers of trials."""
+    from omnidrive import tuning
+    from omnidrive.cli.tune import TuningProgress
+
+    with TuningProgress() as progress:
+        return tuning.equal_budget(
+            definition,
+            trials,
+            folder.with_name(f"{folder.name}-tuning"),
+            processes=jobs or available_cores(),
+            report=progress.report,
+        )
 
 
 def list_studies() -> None:

@@ -160,7 +160,7 @@ def tune(
             held_out=_study(held_out, shared),
         )
         folder = out or default_folder(f"tune-{label}")
-    with _Progress() as progress:
+    with TuningProgress() as progress:
         result = tuning.tune(
             problem, folder, processes=jobs or available_cores(), report=progress.report
         )
@@ -170,7 +170,7 @@ def tune(
     conclude(f"results: {folder} (open {folder / 'report.html'})")
 
 
-class _Progress:
+class TuningProgress:
     """Progress of tuning in a terminal."""
 
     def __init__(self) -> None:
@@ -179,7 +179,7 @@ class _Progress:
         self._live = LiveProgress()
         self._part, self._done = "", 0
 
-    def __enter__(self) -> _Progress:
+    def __enter__(self) -> TuningProgress:
         self._live.__enter__()
         return self
 

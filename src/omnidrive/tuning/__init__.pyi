@@ -1,10 +1,11 @@
 from .gain import Gain, HeldOut, held_out_gain
 from .objective import Limit, Objective, parse_limit, parse_objective
+from .problem import Tuning, TuningSettings, load_tuning, settings_of
 from .report import lead, tuning_tables, write_tuning
 from .run_sets import RunSets, default_sets
 from .search import Budget, SearchResult, Trial, search
 from .space import Dimension, ParameterSpace, parameter_space
-from .tune import Tuning, TuningResult, TuningSettings, load_tuning, settings_of, tune
+from .tune import TuningResult, equal_budget, tune
 
 __all__ = [
     "Budget",
@@ -21,6 +22,7 @@ __all__ = [
     "TuningResult",
     "TuningSettings",
     "default_sets",
+    "equal_budget",
     "held_out_gain",
     "lead",
     "load_tuning",

@@ -23,12 +23,8 @@ from omnidrive.study import StudyDefinition
 from omnidrive.study.controller_file import save_controller
 from omnidrive.tuning.figures import front_figure, progress_figure
 from omnidrive.tuning.optimizers import front
-from omnidrive.tuning.tune import (
-    HELD_OUT_FILE,
-    SETTINGS_FILE,
-    TRAINING_FILE,
-    TuningResult,
-)
+from omnidrive.tuning.problem import HELD_OUT_FILE, SETTINGS_FILE, TRAINING_FILE
+from omnidrive.tuning.tune import TuningResult
 
 PARAMETERS_FILE = "parameters.yaml"
 """Name of the file with the tuned controller."""

@@ -158,6 +158,12 @@ def parameter_space(
     return ParameterSpace(resolved, tuple(map(_with_scale, chosen.values())))
 
 
+def tunable(controller: Configured, preset: PresetName) -> bool:
+    """Return whether a controller has a parameter to tune; see :func:`parameter_space`."""
+    resolved = controller.resolved(preset)
+    return bool(_dimensions(type(resolved.parameters), resolved.parameters, ""))
+
+
 def _dimensions(hint: Any, value: Any, name: str) -> dict[str, Dimension]:
     """Return the tuned parameters of a value and its annotation, those of its parts included."""
     bare, bounds = _bare(hint)

@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from functools import partial
 from types import TracebackType
 
+from omnidrive.simulation import Run
 from omnidrive.study import PlannedRun, RunRecord, run_block
 from omnidrive.study.engine import (
     ListSource,
@@ -20,26 +21,42 @@ from omnidrive.study.experiment import lost_record
 from omnidrive.study.store import Store
 from omnidrive.study.worker_pool import WorkerPool
 
-_WORK: Work[PlannedRun, RunRecord] = Work(
-    compute=run_block, lost=lost_record, name=lambda run: f"run {run.number}", largest=1_000
-)
+
+def _ignore(run: PlannedRun, log: Run) -> None:
+    """Do nothing with the log of a run."""
+
+
+def _run_singly(runs: Sequence[PlannedRun]) -> list[RunRecord]:
+    """Simulate runs one at a time, not in compiled loops, which measure no computing times."""
+    return run_block(runs, _ignore, series="all")
+
+
+def _work(*, timed: bool) -> Work[PlannedRun, RunRecord]:
+    return Work(
+        compute=_run_singly if timed else run_block,
+        lost=lost_record,
+        name=lambda run: f"run {run.number}",
+        largest=1_000,
+    )
 
 
 class RunEvaluator:
     """Worker processes that compute the runs of several stores; use it in a ``with`` statement."""
 
-    def __init__(self, processes: int, *, in_process: bool = False) -> None:
+    def __init__(self, processes: int, *, timed: bool = False, in_process: bool = False) -> None:
         """Start nothing yet: processes start with the first runs.
 
         Args:
             processes: Number of worker processes; 1: in this process.
+            timed: Whether the records need computing times.
             in_process: Whether to compute in this process.
         """
         self._processes = processes
+        self._work = _work(timed=timed)
         self._stack = ExitStack()
         self._pool: WorkerPool | None = None
         if not (in_process or processes == 1 or must_be_in_process()):
-            self._pool = WorkerPool(processes, partial(start_worker, run_block))
+            self._pool = WorkerPool(processes, partial(start_worker, self._work.compute))
 
     def __enter__(self) -> RunEvaluator:
         if self._pool is not None:
@@ -76,9 +93,9 @@ class RunEvaluator:
         missing = {run.key: run for run in runs if run.key not in known}
         source = ListSource(list(missing.values()), self._processes)
         blocks = (
-            execute_blocks(source, _WORK, 1, in_process=True)
+            execute_blocks(source, self._work, 1, in_process=True)
             if self._pool is None
-            else execute_on(self._pool, source, _WORK)
+            else execute_on(self._pool, source, self._work)
         )
         for records in blocks:
             store.add(records)

@@ -2,183 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from json import dumps
 from pathlib import Path
 from time import monotonic
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import NamedTuple
 
 import yaml
-from pydantic import Field, ValidationError
 
 from omnidrive.components import Configured
 from omnidrive.components.fields import plain
-from omnidrive.errors import CannotWrite, InvalidInput, InvalidStudy, one_line
+from omnidrive.errors import CannotWrite, one_line
 from omnidrive.files.output_file import create_folder, output_file, remove_abandoned
 from omnidrive.files.str_path import StrPath, to_path
-from omnidrive.files.yaml_file import read_yaml
-from omnidrive.parameter import Bounds
 from omnidrive.study import (
     RunPlan,
     RunRecord,
-    Scenario,
     StudyDefinition,
     definition_data,
-    load_definition,
     save_definition,
 )
-from omnidrive.study.scenario_file import problems_of
-from omnidrive.study.section import Section
+from omnidrive.study.run_record import TIMING
 from omnidrive.study.store import Store
 from omnidrive.tuning.gain import HeldOut, held_out_gain
-from omnidrive.tuning.objective import Limit, Objective, parse_limit, parse_objective
-from omnidrive.tuning.run_sets import RunSets, check_apart, default_sets, with_controllers
-from omnidrive.tuning.search import (
-    MAX_TRIALS,
-    Budget,
-    SearchResult,
-    Trial,
-    best_trial,
-    score_of,
-    search,
+from omnidrive.tuning.objective import Objective
+from omnidrive.tuning.problem import (
+    HELD_OUT_FILE,
+    SETTINGS_FILE,
+    TRAINING_FILE,
+    Tuning,
+    TuningSettings,
+    identity,
+    load_tuning,
 )
-from omnidrive.tuning.space import ParameterSpace, parameter_space
+from omnidrive.tuning.run_sets import with_controllers
+from omnidrive.tuning.search import Budget, SearchResult, Trial, best_trial, score_of, search
+from omnidrive.tuning.space import tunable
 from omnidrive.tuning.stored_runs import RunEvaluator
-
-SETTINGS_FILE, TRAINING_FILE, HELD_OUT_FILE = "tuning.yaml", "training.yaml", "held-out.yaml"
-"""Names of the files of a folder from which tuning resumes."""
 
 BEFORE, TUNED = "before", "tuned"
 """Labels of the controllers of the held-out study."""
 
 _CONFIRMED = 3  # best trials that are repeated with more repetitions
 _MORE_REPETITIONS = 3  # factor of the repetitions
-_RESUMABLE = ("trials", "minutes")  # settings that may change when tuning resumes
-
-
-class TuningSettings(Section):
-    """What is tuned, towards what, and for how long."""
-
-    format: Literal["omnidrive-tuning-1"] = "omnidrive-tuning-1"
-    """Name and version of the file format."""
-    controller: str
-    """Label of the controller in the scenario."""
-    objectives: Annotated[tuple[str, ...], Field(min_length=1, max_length=4)] = ("me",)
-    """What is minimised; several give a front."""
-    limits: Annotated[tuple[str, ...], Field(max_length=20)] = ()
-    """Hard limits that every training run keeps."""
-    parameters: Annotated[tuple[str, ...], Field(max_length=100)] = ()
-    """Patterns of the names of the tuned parameters; see :func:`parameter_space`."""
-    ranges: Annotated[dict[str, tuple[float, float]], Field(max_length=1000)] = Field(
-        default_factory=dict
-    )
-    """Narrower ranges of parameters by name."""
-    trials: Annotated[int, Bounds(2, MAX_TRIALS, "")] = 200
-    """Largest number of trials."""
-    minutes: Annotated[float, Bounds(0.01, 100_000.0, "min")] | None = None
-    """Largest wall time of the search, min; None: no limit."""
-    seed: Annotated[int, Bounds(0, 2**32 - 1, "")] = 1
-    """Seed of the optimiser."""
-
-
-def settings_of(given: Mapping[str, Any]) -> TuningSettings:
-    """Return checked settings; a value of None stands for the default.
-
-    Raises:
-        InvalidInput: A value is invalid.
-    """
-    try:
-        return TuningSettings.model_validate({k: v for k, v in given.items() if v is not None})
-    except ValidationError as error:
-        raise InvalidInput("; ".join(problems_of(error, TuningSettings))) from None
-
-
-@dataclass(frozen=True, eq=False)
-class Tuning:
-    """A problem of tuning.
-
-    Attributes:
-        settings: What is tuned, towards what, and for how long.
-        sets: Training and held-out runs; the controller of the training set is that before tuning.
-
-    Raises:
-        InvalidInput: A setting is invalid, the controller does not exist, or the sets have a run in
-            common.
-    """
-
-    settings: TuningSettings
-    sets: RunSets
-
-    def __post_init__(self) -> None:
-        label = self.settings.controller
-        if label not in self.sets.training.scenario.controllers:
-            raise InvalidInput(f"the training set has no controller '{one_line(label, 60)}'")
-        parts = (self.objectives, self.limits, self.space)  # which raise errors
-        assert parts
-        check_apart(self.sets)
-
-    @property
-    def before(self) -> Configured:
-        """The controller before tuning, with the values that it uses."""
-        return self.space.controller
-
-    @property
-    def objectives(self) -> tuple[Objective, ...]:
-        """What is minimised."""
-        return tuple(map(parse_objective, self.settings.objectives))
-
-    @property
-    def limits(self) -> tuple[Limit, ...]:
-        """Hard limits."""
-        return tuple(map(parse_limit, self.settings.limits))
-
-    @property
-    def space(self) -> ParameterSpace:
-        """The tuned parameters."""
-        scenario = self.sets.training.scenario
-        return parameter_space(
-            scenario.controllers[self.settings.controller],
-            scenario.preset,
-            choose=self.settings.parameters,
-            ranges=self.settings.ranges,
-        )
-
-    @classmethod
-    def of(
-        cls,
-        scenario: Scenario,
-        settings: TuningSettings,
-        *,
-        training: StudyDefinition | None = None,
-        held_out: StudyDefinition | None = None,
-    ) -> Tuning:
-        """Return the tuning of a controller of a scenario.
-
-        Args:
-            scenario: The scenario.
-            settings: What is tuned.
-            training: Training runs; None: those of :func:`default_sets`. Its other controllers do
-                not run.
-            held_out: Held-out runs, likewise.
-
-        Raises:
-            InvalidInput: See :class:`Tuning`.
-            OmnidriveError: The motion of the scenario cannot be planned.
-        """
-        label = settings.controller
-        if label not in scenario.controllers:
-            raise InvalidInput(f"the scenario has no controller '{one_line(label, 60)}'")
-        default: RunSets | None = None
-        if training is None or held_out is None:
-            default = default_sets(scenario, label)
-        own = {label: scenario.controllers[label]}
-        given = [
-            definition or getattr(default, name)
-            for name, definition in (("training", training), ("held_out", held_out))
-        ]
-        return cls(settings, RunSets(*(with_controllers(each, own) for each in given)))
 
 
 class TuningResult(NamedTuple):
@@ -231,11 +99,79 @@ def tune(
     """
     began, path = monotonic(), to_path(folder)
     _prepare_folder(tuning, path)
+    with _evaluator(tuning, processes) as evaluator:
+        found, chosen = _searched(tuning, path, evaluator, report)
+        after = tuning.space.controller_with(chosen.values)
+        assert after is not None
+        records = _held_out_records(tuning, after, path / "held-out", evaluator, report)
+    held_out = held_out_gain(*records, tuning.objectives)
+    return TuningResult(tuning, found, chosen, after, held_out, path, monotonic() - began)
+
+
+def equal_budget(
+    definition: StudyDefinition,
+    trials: int,
+    folder: StrPath,
+    *,
+    processes: int = 1,
+    report: Report = _no_report,
+) -> StudyDefinition:
+    """Return a study whose controllers are all tuned with the same number of trials.
+
+    Each controller is tuned for ME on the training runs of :func:`default_sets`, which have another
+    seed than the study. A controller without parameters to tune stays as it is.
+
+    Args:
+        definition: The study.
+        trials: Number of trials of each controller.
+        folder: Folder of the searches, one folder below it per controller; as of :func:`tune`.
+        processes: Number of worker processes.
+        report: Called with the progress.
+
+    Raises:
+        CannotWrite: See :func:`tune`.
+        MissingExtra: The extra `tuning` is not installed.
+    """
+    scenario = definition.scenario
+    seed = (scenario.seed + _BUDGET_SEED) % 2**53
+    base = scenario.model_copy(update={"seed": seed})
+    controllers = dict(scenario.controllers)
+    for label, controller in scenario.controllers.items():
+        if not tunable(controller, scenario.preset):
+            continue
+        settings = TuningSettings(controller=label, trials=trials)
+        tuning, path = Tuning.of(base, settings), to_path(folder) / label
+        _prepare_folder(tuning, path)
+
+        def labelled(part: str, done: int, total: int, best: str, label: str = label) -> None:
+            """Report the progress of one controller."""
+            report(f"{label}: {part}", done, total, best)
+
+        with _evaluator(tuning, processes) as evaluator:
+            _, chosen = _searched(tuning, path, evaluator, labelled)
+        controllers[label] = tuning.space.controller_with(chosen.values) or controller
+    return with_controllers(definition, controllers)
+
+
+_BUDGET_SEED = 2**41  # difference of the seeds of a study and of the tuning before it
+
+
+def _evaluator(tuning: Tuning, processes: int) -> RunEvaluator:
+    """Return the processes that compute the runs of a tuning."""
+    metrics = {
+        *(term.metric.name for each in tuning.objectives for term in each.terms),
+        *(each.metric.name for each in tuning.limits),
+    }
+    is_parallel = _is_parallel(tuning.sets.training)
+    return RunEvaluator(processes, timed=bool(metrics & {*TIMING}), in_process=not is_parallel)
+
+
+def _searched(
+    tuning: Tuning, path: Path, evaluator: RunEvaluator, report: Report
+) -> tuple[SearchResult, Trial]:
+    """Return the search of a tuning and the chosen trial."""
     training, settings = tuning.sets.training, tuning.settings
-    with (
-        RunEvaluator(processes, in_process=not _is_parallel(training)) as evaluator,
-        _opened(path / "training", training) as store,
-    ):
+    with _opened(path / "training", training) as store:
         candidates = _Candidates(training, settings.controller, store, evaluator)
         seconds = None if settings.minutes is None else 60.0 * settings.minutes
 
@@ -258,11 +194,7 @@ def tune(
         if len(tuning.objectives) == 1:
             report("confirmation", 0, 0, "")
             chosen = _confirmed(tuning, found, candidates)
-        after = tuning.space.controller_with(chosen.values)
-        assert after is not None
-        records = _held_out_records(tuning, after, path / "held-out", evaluator, report)
-    held_out = held_out_gain(*records, tuning.objectives)
-    return TuningResult(tuning, found, chosen, after, held_out, path, monotonic() - began)
+    return found, chosen
 
 
 class _Candidates:
@@ -369,7 +301,7 @@ def _prepare_folder(tuning: Tuning, path: Path) -> None:
     settings = plain(tuning.settings)
     if (path / SETTINGS_FILE).is_file():
         present = load_tuning(path, allow_code=True)
-        if _identity(present) != _identity(tuning):
+        if identity(present) != identity(tuning):
             raise CannotWrite(
                 f"{one_line(str(path))} holds another tuning; choose another folder with --out"
             )
@@ -380,39 +312,3 @@ def _prepare_folder(tuning: Tuning, path: Path) -> None:
         save_definition(tuning.sets.held_out, path / HELD_OUT_FILE)
     with output_file(path / SETTINGS_FILE) as part:
         part.write_text(yaml.safe_dump(settings, sort_keys=False), encoding="utf-8")
-
-
-def _identity(tuning: Tuning) -> Any:
-    """Return what two tunings of one folder must share."""
-    settings = plain(tuning.settings)
-    kept = {key: value for key, value in settings.items() if key not in _RESUMABLE}
-    return dumps([kept, *(definition_data(each, "/study.yaml") for each in tuning.sets)])
-
-
-def load_tuning(
-    folder: StrPath, *, allow_code: bool = False, **changes: int | float | None
-) -> Tuning:
-    """Return the problem in the folder of a tuning.
-
-    Args:
-        folder: The folder.
-        allow_code: See :func:`~omnidrive.study.load_definition`.
-        **changes: Other values of ``trials`` and ``minutes``; None: as before.
-
-    Raises:
-        InvalidStudy: The folder holds no tuning, or an invalid one.
-    """
-    path = to_path(folder)
-    file = path / SETTINGS_FILE
-    data = read_yaml(file, "tuning", InvalidStudy)
-    name = one_line(str(file))
-    if not isinstance(data, dict) or data.get("format") != "omnidrive-tuning-1":
-        raise InvalidStudy(f"{name} is no tuning of this version: need format: omnidrive-tuning-1")
-    given = {key: value for key, value in changes.items() if value is not None}
-    try:
-        settings = settings_of({**data, **given})
-    except InvalidInput as error:
-        raise InvalidStudy(f"{name}: {error}") from None
-    sets = (load_definition(path / each, allow_code=allow_code)
-            for each in (TRAINING_FILE, HELD_OUT_FILE))  # fmt: skip
-    return Tuning(settings, RunSets(*sets))

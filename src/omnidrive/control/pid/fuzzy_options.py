@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated
 
 import numpy as np
@@ -160,8 +160,10 @@ class IntervalFuzzyOptions(FuzzyOptions):
         self, rules: Int[Array, "7 7 3"], inputs: Footprint, outputs: Footprint
     ) -> IntervalFuzzyOptions:
         """Return the options with all values, from those of the preset."""
-        return replace(
-            super().resolved(rules, inputs, outputs),
+        inner = super().resolved(rules, inputs, outputs)
+        own = {each.name: getattr(inner, each.name) for each in fields(FuzzyOptions)}
+        return IntervalFuzzyOptions(
+            **own,
             inputs=self.inputs.resolved(inputs),
             outputs=self.outputs.resolved(outputs),
         )

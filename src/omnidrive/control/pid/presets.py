@@ -144,12 +144,12 @@ def _pid(
 
     if preset == "published-code":
         both = given(MemorylessParameters(), MemorylessParameters())
-        memoryless = (MemorylessChannel(tune, each) for each in both)
-        return FuzzyPidController(dt, *memoryless, wraps_heading=False)
+        first, second = (MemorylessChannel(tune, each) for each in both)
+        return FuzzyPidController(dt, first, second, wraps_heading=False)
     if preset == "paper":
         waypoint = given(SelfTuningParameters(), SelfTuningParameters(limit=MAX_YAW_RATE))
-        self_tuning = (SelfTuningChannel(tune, dt, each) for each in waypoint)
-        return FuzzyPidController(dt, *self_tuning, wraps_heading=True)
+        distance, turn = (SelfTuningChannel(tune, dt, each) for each in waypoint)
+        return FuzzyPidController(dt, distance, turn, wraps_heading=True)
     position = heading = TrackingParameters()
     if robot is not None:
         position, heading = robot_parameters(robot, forces=forces)
