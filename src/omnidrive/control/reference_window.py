@@ -20,24 +20,35 @@ class ReferenceWindow:
     References of this package do not change; any other is evaluated in every step.
     """
 
-    __slots__ = ("dt", "points", "reference", "rows", "start")
+    __slots__ = ("dt", "duration", "points", "reference", "rows", "start")
 
     def __init__(self, points: int, dt: float) -> None:
         """Prepare windows of ``points`` setpoints ``dt`` (s) apart."""
         self.points, self.dt = points, dt
         self.reference: Reference | None = None
-        self.start, self.rows = 0.0, np.zeros((points, 6))
+        self.start, self.duration, self.rows = 0.0, 0.0, np.zeros((points, 6))
 
-    def find(self, t: float, reference: Reference) -> int:
-        """Return the row of :attr:`rows` with the setpoint at ``t`` (s); the next ones follow."""
+    def find(self, t: float, reference: Reference) -> tuple[int, int]:
+        """Return where the setpoints from ``t`` (s) on are, and how many of them count.
+
+        Returns:
+            The row of :attr:`rows` with the setpoint at ``t``; the next ones follow. And how many
+            setpoints after that one are not later than the reference.
+        """
         first = (t - self.start) / self.dt
         row = round(first)
-        if (
+        if not (
             reference is self.reference
             and 0 <= row <= len(self.rows) - self.points
             and abs(first - row) <= _SAME_TIME
         ):
-            return row
+            self._evaluate(t, reference)
+            row = 0
+        left = (self.duration - t) / self.dt + _SAME_TIME
+        return row, int(min(max(0.0, left), self.points))  # 0 for a duration that is not a number
+
+    def _evaluate(self, t: float, reference: Reference) -> None:
+        """Evaluate a reference from ``t`` (s) on."""
         fixed = isinstance(reference, (WindowReference, Hold))
         count = self.points + (_AHEAD if fixed else 0)
         rows = np.ascontiguousarray(reference.window(t, count, self.dt), dtype=float)
@@ -45,11 +56,5 @@ class ReferenceWindow:
             raise InvalidReference(
                 f"window must return {count} rows of 6 numbers, got an array of shape {rows.shape}"
             )
-        self.rows = rows
+        self.rows, self.duration = rows, reference.duration
         self.reference, self.start = (reference if fixed else None), t
-        return 0
-
-    def last(self, t: float, reference: Reference) -> int:
-        """Return how many setpoints after that at ``t`` (s) are not later than the reference."""
-        left = (reference.duration - t) / self.dt + _SAME_TIME
-        return int(min(max(0.0, left), self.points))  # 0 for a duration that is not a number

@@ -200,8 +200,7 @@ def _setpoints_ahead(
     for k, t in enumerate(times.tolist()):
         begin = t + window.first
         try:
-            row = finder.find(begin, tracked)
-            last[k] = finder.last(begin, tracked)
+            row, last[k] = finder.find(begin, tracked)
         except PART_ERRORS:
             failed[k] = True
             continue

@@ -145,6 +145,8 @@ class HolonomicController(GuardedController):
     _solution: HolonomicSolution | None = field(default=None, init=False, repr=False)
     """The latest plan of another solver than the compiled one."""
     _data: LawData = field(init=False, repr=False)
+    _stacked: FixedKeepOuts | None = field(default=None, init=False, repr=False)
+    """The zones of ``_data`` if they are the same in all steps."""
     _memory: LawMemory = field(init=False, repr=False)
     _outputs: tuple[Float[Array, " 3"], Float[Array, " details"]] = field(init=False, repr=False)
     """Command and details of a step."""
@@ -180,7 +182,9 @@ class HolonomicController(GuardedController):
             self.parameters.control_weights(),
             limits,
             stack_keep_outs((), points),
-            actuation.limits(self.chassis, self.dt, actuation.reserve),
+            limits._replace(
+                bounds=actuation.limits(self.chassis, self.dt, actuation.reserve).bounds
+            ),  # the matrices are the same
             HolonomicSolverSettings(),
         )
         self._outputs = np.zeros(3), np.zeros(len(self.detail_units))
@@ -323,18 +327,24 @@ class HolonomicController(GuardedController):
         if self.governor is not None:
             reference = self.governor.govern(reference)
             self._delay = self.governor.delay(t)
-        begin, points = t + self.actuation.delay, self.horizon + 1
-        zones = self.keep_outs(begin + self._later(), points, self.dt)
+        begin = t + self.actuation.delay
+        if self.keep_outs is not self._stacked:
+            self._stack_keep_outs(begin)
+        first, last = self._window.find(begin, reference)
+        setpoints = self._window.rows[first : first + self._window.points]
+        return self._command(self._sample(t, state, last), setpoints, "no usable solution")
+
+    def _stack_keep_outs(self, begin: float) -> None:
+        """Use the keep-out zones over the horizon; fixed ones are those of all later steps.
+
+        ``begin`` (s) is the time at which a command takes effect after the known delay.
+        """
+        later = max(float(self._memory.motion.drive[DELAY]) - self.actuation.delay, 0.0)
+        points = self.horizon + 1
+        zones = self.keep_outs(begin + later, points, self.dt)
         if zones or len(self._data.keep_outs.radii):
             self._data = self._data._replace(keep_outs=stack_keep_outs(zones, points))
-        first = self._window.find(begin, reference)
-        setpoints = self._window.rows[first : first + self._window.points]
-        now = self._sample(t, state, self._window.last(begin, reference))
-        return self._command(now, setpoints, "no usable solution")
-
-    def _later(self) -> float:
-        """Return by how much the identified delay of the commands exceeds the known one, s."""
-        return max(float(self._memory.motion.drive[DELAY]) - self.actuation.delay, 0.0)
+        self._stacked = self.keep_outs if isinstance(self.keep_outs, FixedKeepOuts) else None
 
     def _sample(self, t: float, state: State, last: int) -> SampleState:
         """Return what the law uses of a state."""
