@@ -1,5 +1,6 @@
 from .actuation import Actuation
-from .controller import HolonomicController, holonomic_nmpc
+from .controller import HolonomicController
+from .factory import holonomic_nmpc
 from .ipopt import HolonomicIpopt
 from .keep_out_zone import KeepOutZone, stack_keep_outs
 from .law import FallbackLevel

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite, nan
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -26,12 +25,9 @@ from omnidrive.control.guarded_controller import GuardedController
 from omnidrive.control.nmpc.common.checks import check_settings
 from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, EXITS, Exit
 from omnidrive.control.nmpc.holonomic.actuation import Actuation
-from omnidrive.control.nmpc.holonomic.ipopt import HolonomicIpopt
 from omnidrive.control.nmpc.holonomic.keep_out_zone import (
     FixedKeepOuts,
     KeepOutForecast,
-    KeepOutZone,
-    forecast_keep_outs,
     stack_keep_outs,
 )
 from omnidrive.control.nmpc.holonomic.law import (
@@ -74,19 +70,8 @@ from omnidrive.estimation.drive_memory import (
     memory_size,
 )
 from omnidrive.geometry import BodyTwist
-from omnidrive.parameter import check_choice
 from omnidrive.reference import Reference
 from omnidrive.robot import Chassis
-
-SolverName = Literal["sqp", "rti", "casadi"]
-
-RTI_ITERATIONS = 4
-"""With the solver ``rti``: most iterations of the active-set and of the interior-point method."""
-_SOLVERS: dict[SolverName, Callable[[], HolonomicOptimizer]] = {
-    "sqp": HolonomicSolver,
-    "rti": lambda: HolonomicSolver(HolonomicSolverSettings(max_iterations=RTI_ITERATIONS)),
-    "casadi": HolonomicIpopt,
-}
 
 _LARGEST = 1e6
 """Largest speed (m/s, rad/s) and variance (m^2, rad^2) of a state that is not a fault."""
@@ -411,57 +396,3 @@ class HolonomicController(GuardedController):
                 code,
             )
         return finish(data, memory, solved, now.delay, *self._outputs)
-
-
-def holonomic_nmpc(
-    chassis: Chassis,
-    dt: float,
-    horizon: int = 15,
-    *,
-    parameters: HolonomicParameters | None = None,
-    solver: SolverName | HolonomicOptimizer = "sqp",
-    actuation: Actuation | None = None,
-    keep_outs: KeepOutForecast | Sequence[KeepOutZone] = (),
-    governor: bool = True,
-    adaptation: DriveSettings | None = None,
-) -> HolonomicController:
-    """Return the NMPC of a holonomic robot with limited wheel speeds, with its kernels compiled.
-
-    Args:
-        chassis: The wheels and their maximum speed.
-        dt: Sample time and length of a stage, in s.
-        horizon: N, number of stages.
-        parameters: Weights of the cost. None: the default weights.
-        solver: ``sqp``: :class:`HolonomicSolver`, an active-set and an interior-point method;
-            ``rti``: the same with at most :data:`RTI_ITERATIONS` iterations of each: plans satisfy
-            all limits, but are not always optimal if one is active; ``casadi``: IPOPT; or a solver
-            object, for example one with a deadline.
-        actuation: Acceleration limits, lag, slip and delay. None: there are none of them.
-        keep_outs: Keep-out zones that are the same in every step, or a function that returns the
-            zones over the horizon.
-        governor: Whether the robot stays on the path of a reference that it cannot follow in time,
-            and arrives later, see :class:`~omnidrive.control.ReferenceGovernor`.
-        adaptation: Bounds and forgetting of the identification of drive gains, lag and delay. None:
-            they are those of ``actuation``.
-
-    Raises:
-        InvalidInput: An argument is outside its domain.
-        MissingExtra: ``solver`` is ``casadi``, which is not installed.
-    """
-    if isinstance(solver, str):
-        check_choice("solver", solver, _SOLVERS)
-        solver = _SOLVERS[solver]()
-    actuation = actuation or Actuation()
-    controller = HolonomicController(
-        dt,
-        horizon,
-        parameters or HolonomicParameters(),
-        chassis,
-        actuation,
-        solver,
-        forecast_keep_outs(keep_outs),
-        ReferenceGovernor(chassis, actuation.acceleration_faces) if governor else None,
-        adaptation,
-    )
-    controller.prepare()
-    return controller
