@@ -11,6 +11,7 @@ import yaml
 from omnidrive.cli.components import with_controllers
 from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.errors import InvalidInput, InvalidScenario
+from omnidrive.robot import load_robot
 from omnidrive.study import load_scenario, paper_scenario, run_study, save_scenario
 from omnidrive.study.scenario_file import scenario_data
 from tests.command import omnidrive
@@ -133,6 +134,25 @@ def test_plan_and_run(tmp_path):
                     "--plant", "kinematic", cwd=tmp_path)  # fmt: skip
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.splitlines()[-1].startswith("results: runs/paper-unicycle-nmpc-track-")
+
+
+def test_run_saves_the_robot_with_the_drive_that_it_identified(tmp_path):
+    common = ("run", "--plant", "kinematic", "--save-robot", "learned.yaml")
+    ran = omnidrive(*common, "--controller", "holonomic-nmpc,adapt=true", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.splitlines()[-1].startswith("robot: learned.yaml")
+    text = (tmp_path / "learned.yaml").read_text()
+    assert text.startswith("# Drive identified by holonomic-nmpc in the run runs/paper-")
+    learned = load_robot(tmp_path / "learned.yaml")
+    assert learned.drive_gain == pytest.approx((1.0, 1.0, 1.0), abs=0.02)
+    assert learned.drive_gain[0] != 1.0
+    again = omnidrive(*common, "--controller", "pid", cwd=tmp_path)
+    assert again.returncode == 2
+    assert "learned.yaml already exists; choose another, or add --force" in again.stderr
+    none = omnidrive(*common, "--controller", "pid", "--force", cwd=tmp_path)
+    assert none.returncode == 2
+    assert "pid identifies no drive" in none.stderr
+    assert (tmp_path / "learned.yaml").read_text() == text
 
 
 @pytest.mark.parametrize("verb", ["", "compare", "plan", "run"])

@@ -114,7 +114,7 @@ def import_(
     from omnidrive.robot.imports import import_robot
 
     if out is not None:
-        _check_out(out, force)
+        check_robot_file(out, force=force)
     found = import_robot(file, format=format, wheels=wheel or (), wheel_radius=wheel_radius)
     parts = {"read": found.read, "guessed": found.guessed, "missing": found.missing}
     if json:
@@ -174,7 +174,7 @@ def identify(
     from omnidrive.simulation.identification import identify_robot, read_log
 
     if out is not None:
-        _check_out(out, force)
+        check_robot_file(out, force=force)
     nominal = named_robot(name)
     with announce_compiling():
         found = identify_robot(read_log(log), nominal)
@@ -201,7 +201,7 @@ def _record(estimate: Estimate) -> dict[str, object]:
     }
 
 
-def _check_out(out: Path, force: bool) -> None:
+def check_robot_file(out: Path, *, force: bool) -> None:
     """Check name and place of a robot file that will be written."""
     from omnidrive.robot import is_robot_file
 

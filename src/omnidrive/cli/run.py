@@ -14,6 +14,7 @@ from omnidrive.cli.options import (
     RESULTS_PANEL,
     RUN_PANEL,
     FolderOption,
+    ForceOption,
     FullOption,
     ResultsJsonOption,
     choice,
@@ -22,12 +23,24 @@ from omnidrive.cli.options import (
     flag,
     option,
 )
+from omnidrive.cli.robot import check_robot_file
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
+from omnidrive.cli.terminal import conclude
 from omnidrive.errors import InvalidInput
 
 _TASKS = tuple(name for name in get_args(TaskName) if name != "horizon")
 _HorizonOption = Annotated[
     int | None, option("N", "Prediction horizon of the NMPC, in steps.", RUN_PANEL)
+]
+_SaveRobotOption = Annotated[
+    Path | None,
+    option(
+        "FILE.yaml",
+        "Robot file with the drive that the controller identified, as with "
+        "--controller holonomic-nmpc,adapt=true.",
+        RESULTS_PANEL,
+        "--save-robot",
+    ),
 ]
 _ViewOption = Annotated[
     bool, flag("Show the run in the MuJoCo viewer in real time.", RUN_PANEL, "--view")
@@ -47,6 +60,8 @@ def run(
     view: _ViewOption = False,
     out: FolderOption = None,
     video: _VideoOption = None,
+    save_robot: _SaveRobotOption = None,
+    force: ForceOption = False,
     json: ResultsJsonOption = False,
     full: FullOption = False,
 ) -> None:
@@ -62,6 +77,7 @@ def run(
     * `omnidrive run --task noise --estimator`
     * `omnidrive run --fault wheel-dead:wheel=2,at=5`
     * `omnidrive run --video run.gif`
+    * `omnidrive run --controller holonomic-nmpc,adapt=true --save-robot learned.yaml`
     """
     from omnidrive.cli.progress import LiveProgress, save_film
     from omnidrive.cli.study_results import print_results
@@ -71,6 +87,8 @@ def run(
         study.check_new_folder(out)
     if video is not None:
         check_film(video)
+    if save_robot is not None:
+        check_robot_file(save_robot, force=force)
     resolved = with_faults(_narrow(shared.resolve(), controller, task, horizon), fault)
     (label,) = resolved.controllers
     folder = out or default_folder(f"{resolved.name}-{label}-{task}")
@@ -84,6 +102,35 @@ def run(
         )
         videos = [save_film(each.recording, video, progress) for each in recorders if video]
     print_results(done, json=json, full=full, lines=[f"video: {each}" for each in videos])
+    if save_robot is not None:
+        conclude(_save_drive(done, resolved, save_robot), beside_json=json)
+
+
+def _save_drive(done: study.Study, scenario: study.Scenario, file: Path) -> str:
+    """Write the robot with the drive that the last run identified; return a line about it.
+
+    Raises:
+        InvalidInput: The run identified none.
+    """
+    from omnidrive.estimation.drive_memory import identified_robot, logged_drive
+    from omnidrive.robot import save_robot
+    from omnidrive.study.scenario_sections import robot_of
+
+    result = (*done.results.runs, *done.results.faults)[-1]
+    found = logged_drive(result.run.details)
+    if found is None:
+        raise InvalidInput(
+            f"{result.controller} identifies no drive, so that there is no robot to save; use "
+            "--controller holonomic-nmpc,adapt=true"
+        )
+    names = ("x", "y", "yaw", "lag")
+    kept = [name for name, excited in zip(names, found.excited, strict=True) if not excited]
+    notes = [f"Drive identified by {result.controller} in the run {done.folder}."]
+    if kept:
+        notes.append(f"Not determined by the motion, and not changed: {', '.join(kept)}.")
+    save_robot(identified_robot(robot_of(scenario.robot), found), file, notes=notes)
+    lacking = f"; the motion did not determine {', '.join(kept)}" if kept else ""
+    return f"robot: {file}{lacking}"
 
 
 def _narrow(

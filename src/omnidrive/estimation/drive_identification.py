@@ -1,16 +1,17 @@
 """Recursive identification of drive gains, lag and delay, from commands and measured poses.
 
 Model of every axis of B (x, y, yaw): the commanded twist u takes effect after the delay D and, with
-the gain g, through the lag T of the motors. Their twist m, with a disturbance d, which is constant
-in W as the force of a slope is, moves the robot as in :class:`~.drive_response.DriveModel`::
+the gain g, through the lag T of the motors; that in yaw is another one. Their twist m, with a
+disturbance d, which is constant in W as the force of a slope is, moves the robot as in
+:class:`~.drive_response.DriveModel`::
 
     T dm/dt = g u(t - D) - m
 
 Several delays D are compared: the known one, and one and two sample times more. A continuous D
 would have local minima, because a delay and a lag are alike to smooth motions and an oscillation
 repeats itself. For each of them, displacement, body twist and disturbance of every axis are the
-states of a Kalman filter. The three gains and T have a filter of their own, whose regressors are
-the sensitivities of the pose that the first filter predicts (Friedland, "Treatment of bias in
+states of a Kalman filter. The three gains and two lags have a filter of their own, whose regressors
+are the sensitivities of the pose that the first filter predicts (Friedland, "Treatment of bias in
 recursive filtering", IEEE Trans. Autom. Control 14, 1969): the recursive prediction error method
 (Ljung, "System Identification", 2nd ed. 1999, section 11.4) for an innovations model. The
 sensitivities are difference quotients over a standard deviation of a parameter, because the
@@ -23,6 +24,9 @@ Old information is forgotten exponentially towards the prior knowledge, so that 
 bounded without excitation (Salgado, Goodwin & Middleton, "Modified least squares algorithm
 incorporating exponential resetting and forgetting", Int. J. Control 47, 1988). The gain of an axis
 along which the robot hardly moves is not corrected.
+
+The assumed variances are those of a right model. Where the innovations of the best hypothesis are
+larger, all variances are, in proportion: evidence is compared with what no hypothesis explains.
 """
 
 from __future__ import annotations
@@ -57,14 +61,20 @@ from omnidrive.robot.slip import Vector
 
 _MIN_VARIANCE = 1e-12
 """Least variance of a measured position, m^2."""
-_MIN_SPEED, _MIN_SHARE = 0.02, 0.05
+_MIN_SPEED, _MIN_SHARE = 0.01, 0.02
 """Least speed along an axis, m/s, and least share of the total speed, for its gain to be
 corrected."""
 _BOUND = 3.0
 """Standard deviations to which an innovation is limited before it changes the parameters."""
-_GATE = 8.0
+_SCALE_MEMORY, _LARGEST_SQUARE, _CAUTION = 0.5, 25.0, 4.0
+"""Of the mean square of the innovations over their variance: time constant of the mean, s; largest
+term; and the factor of the variances over the mean, because innovations that no hypothesis explains
+are not independent of each other."""
+_GATE = 24.0
 """Standard deviations beyond which a measured pose is one of a robot that was moved."""
-_CHANGE = 0.7
+_LARGEST_EVIDENCE = 64.0
+"""Largest square of an innovation over its variance in a likelihood."""
+_CHANGE = 3.0
 """Logarithm of the likelihood ratio above which another delay is chosen."""
 _LIKELIHOOD_MEMORY = 5.0
 """Time constant with which the likelihoods are forgotten, s."""
@@ -118,7 +128,8 @@ def identify(  # noqa: PLR0917
         known: Gains of x, y and yaw, lag (s) and delay (s) before the first sample.
         values: The memory, see :func:`~.drive_memory.memory_in`; changed in place.
         now: The sample.
-        drive: Output; gains, lag and delay that a controller should use.
+        drive: Output; what a controller should use: gains, lag in x and y, delay, one value that
+            is left as it is, and the lag in yaw.
     """
     memory = memory_in(values)
     if event == START:
@@ -144,12 +155,15 @@ def _update(
     commands[0, 3] = dt
     measured = isfinite(pose[0] + pose[1] + pose[2] + variances[0] + variances[1] + variances[2])
     fresh = now.fresh and measured
-    rates = inverse_lags(model)
+    rates, excess = inverse_lags(model), memory.figures[0, 5]
+    for k in range(HYPOTHESES):
+        excess = min(excess, memory.figures[k, 5])
+    scale = max(1.0, _CAUTION * excess)
     for k in range(HYPOTHESES):
         h = hypothesis(memory, k)
         predict(model, rates, h, commands, dt)
         if fresh:
-            _correct(model, settings, h, pose, variances, dt)
+            _correct(model, settings, h, pose, variances, dt, scale)
         if not _size(h) < _LARGEST:
             restart_hypothesis(h, pose if measured else _REST, _REST)
             for a in range(3):
@@ -175,7 +189,7 @@ def _compare(memory: DriveMemory, dt: float) -> None:
             largest = max(largest, innovations[k, a, 1])
         for k in range(HYPOTHESES):
             total = largest + innovations[k, a, 2]
-            square = min(innovations[k, a, 0] ** 2 / total, _GATE * _GATE)
+            square = min(innovations[k, a, 0] ** 2 / total, _LARGEST_EVIDENCE)
             figures[k, 4] -= 0.5 * (square + log(total / largest))
 
 
@@ -213,20 +227,21 @@ def _correct(  # noqa: PLR0917
     pose: Vector,
     variances: Vector,
     dt: float,
+    scale: float,
 ) -> None:
     """Correct parameters and states by a measured pose."""
     yaw = h.pose[2]
     c, s = cos(yaw), sin(yaw)
     dx, dy = pose[0] - h.pose[0], pose[1] - h.pose[1]
     innovation = (c * dx + s * dy, c * dy - s * dx, wrap(pose[2] - yaw))
-    _record(h, innovation, variances)
+    _record(h, innovation, variances, dt, scale)
     if _is_moved(h, innovation):
         _move(h, pose, innovation, variances, dt)
         return
     change, shift = h.work[0], h.work[1]
     change[:] = 0.0
     for a in range(3):
-        _correct_parameters(model, h, a, innovation[a], variances[a], change)
+        _correct_parameters(model, h, a, innovation[a], change)
         shift[a] = _correct_states(h, a, innovation[a], variances[a])
     _limit(settings, h, change)
     sens, states = h.sensitivity, h.states
@@ -243,8 +258,9 @@ def _correct(  # noqa: PLR0917
 
 
 @compiled
-def _record(h: Hypothesis, innovation: Vector, variances: Vector) -> None:
+def _record(h: Hypothesis, innovation: Vector, variances: Vector, dt: float, scale: float) -> None:
     """Record innovations and their variances, from the states and from the parameters."""
+    largest = 0.0
     for a in range(3):
         by_parameters = 0.0
         for i in range(PARAMETERS):
@@ -252,8 +268,12 @@ def _record(h: Hypothesis, innovation: Vector, variances: Vector) -> None:
                 sens = h.sensitivity[0, a, i] * h.sensitivity[0, a, j]
                 by_parameters += sens * h.covariance[i, j]
         h.innovations[a, 0] = innovation[a]
-        h.innovations[a, 1] = h.state_covariance[a, 0, 0] + variances[a] + _MIN_VARIANCE
+        known = h.state_covariance[a, 0, 0] + variances[a] + _MIN_VARIANCE
+        h.innovations[a, 1] = scale * known
         h.innovations[a, 2] = by_parameters
+        largest = max(largest, innovation[a] ** 2 / (known + by_parameters))
+    share = min(dt / _SCALE_MEMORY, 1.0)
+    h.figures[5] += share * (min(largest, _LARGEST_SQUARE) - h.figures[5])
 
 
 @compiled
@@ -280,13 +300,12 @@ def _move(h: Hypothesis, pose: Vector, innovation: Vector, variances: Vector, dt
 
 
 @compiled
-def _correct_parameters(  # noqa: PLR0917
+def _correct_parameters(
     model: DriveModel,
     h: Hypothesis,
     axis: int,
     innovation: float,
-    variance: float,
-    change: Float[Array, " 5"],
+    change: Float[Array, " parameters"],
 ) -> None:
     """Add the correction of the parameters by the displacement along an axis to ``change``.
 
@@ -295,7 +314,7 @@ def _correct_parameters(  # noqa: PLR0917
     """
     cov, sens = h.covariance, h.sensitivity[0, axis]
     ph, gains = h.work[2], h.work[3]
-    total = h.state_covariance[axis, 0, 0] + variance + _MIN_VARIANCE
+    total = h.innovations[axis, 1]
     for i in range(PARAMETERS):
         ph[i], gains[i] = 0.0, 0.0
         for j in range(PARAMETERS):
@@ -343,7 +362,7 @@ def _correct_states(h: Hypothesis, axis: int, innovation: float, variance: float
 
 
 @compiled
-def _limit(settings: DriveSettings, h: Hypothesis, change: Float[Array, " 5"]) -> None:
+def _limit(settings: DriveSettings, h: Hypothesis, change: Float[Array, " parameters"]) -> None:
     """Add the change to the parameters, within the bounds; the change is corrected accordingly.
 
     A parameter at its bound changes the others by its covariances with them: the projection in the
@@ -366,7 +385,8 @@ def _clip(settings: DriveSettings, parameter: int, value: float) -> float:
     """Return a parameter within its bounds."""
     if parameter < LAG:
         return min(max(value, settings.min_gain), settings.max_gain)
-    return min(max(value, 0.0), settings.max_lag)
+    low = 0.0 if parameter == LAG else -settings.max_lag
+    return min(max(value, low), settings.max_lag)
 
 
 @compiled

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import ceil, exp, prod, sqrt
+from math import ceil, exp, hypot, prod, sqrt
 from types import MappingProxyType
 from typing import Annotated, NamedTuple
 
+import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
@@ -18,18 +19,21 @@ from omnidrive.parameter import Bounds, check_bounds
 from omnidrive.robot import Robot
 from omnidrive.robot.slip import Vector
 
-LAG = 3
-"""Index of the lag; before it are the gains of x, y and yaw."""
-PARAMETERS = 4
+LAG, YAW_LAG = 3, 4
+"""Indices of the lag in x and y, and of what the lag in yaw exceeds it by; before them are the
+gains of x, y and yaw."""
+PARAMETERS = 5
 """Number of parameters that every hypothesis estimates."""
 HYPOTHESES = 3
 """Number of delays that are compared: whole sample times in addition to the known delay."""
 
-_GAIN_ERROR, _LAG_ERROR = 0.07, 0.07
-"""Standard deviations of the parameters before the first sample; 1, s."""
+_DELAY, _APPLIED_YAW_LAG = 4, 6
+"""Indices of the delay and of the lag in yaw in the parameters that a controller uses."""
+_GAIN_ERROR, _LAG_ERROR, _YAW_LAG_ERROR = 0.07, 0.07, 0.015
+"""Standard deviations of the parameters before the first sample; 1, s, s."""
 _DISTURBANCE = 0.02
 """Standard deviation of the initial disturbance, m/s."""
-_SIGNIFICANCE = 1.5
+_SIGNIFICANCE = 2.0
 """Number of standard errors up to which an estimate is not used."""
 _EXCITED = 0.5
 """Share of the initial standard error below which a parameter is excited."""
@@ -59,10 +63,13 @@ class DriveEstimate(NamedTuple):
     """Lag of the motors in addition to that of the model, s."""
     delay: float = 0.0
     """Delay of the commands, that of the model included, s."""
+    yaw_lag: float = 0.0
+    """As ``lag``, in yaw; ``lag`` is that in x and y."""
     gain_errors: Vector = (_GAIN_ERROR, _GAIN_ERROR, _GAIN_ERROR)
     lag_error: float = _LAG_ERROR
     delay_error: float = 0.0
     """From the probabilities of the compared delays and the distance between them."""
+    yaw_lag_error: float = hypot(_LAG_ERROR, _YAW_LAG_ERROR)
     sum_error: float = _LAG_ERROR
     """Of the sum of lag and delay: smooth motions do not distinguish the two."""
 
@@ -82,21 +89,21 @@ class DriveMemory(NamedTuple):
     order.
     """
 
-    estimate: Float[Array, " 11"]
+    estimate: Float[Array, " 13"]
     """The fields of :class:`DriveEstimate`, one after another."""
     delays: Float[Array, " delays"]
-    parameters: Float[Array, "delays 4"]
-    covariance: Float[Array, "delays 4 4"]
+    parameters: Float[Array, "delays 5"]
+    covariance: Float[Array, "delays 5 5"]
     pose: Float[Array, "delays 3"]
     states: Float[Array, "delays 3 axes"]
     state_covariance: Float[Array, "delays axes 3 3"]
     sensitivity: Float[Array, "delays 4 axes parameters"]
     innovations: Float[Array, "delays axes 3"]
-    figures: Float[Array, "delays 5"]
+    figures: Float[Array, "delays 6"]
     """These nine are the fields of :class:`Hypothesis`."""
     work: Float[Array, "8 parameters"]
     """Workspace of a correction."""
-    initial: Float[Array, " 4"]
+    initial: Float[Array, " 5"]
     """Parameters before the first sample."""
     chosen: Float[Array, " 1"]
     """Index of the hypothesis in use."""
@@ -109,9 +116,9 @@ class Hypothesis(NamedTuple):
 
     delay: float
     """Delay of the commands, s."""
-    parameters: Float[Array, " 4"]
-    """Estimates: gains of x, y and yaw, and the lag in s."""
-    covariance: Float[Array, "4 4"]
+    parameters: Float[Array, " 5"]
+    """Estimates: gains of x, y and yaw, lag in x and y (s), and that in yaw minus the former."""
+    covariance: Float[Array, "5 5"]
     """Their covariance."""
     pose: Float[Array, " 3"]
     """Estimated pose in W; m, m, rad."""
@@ -124,9 +131,10 @@ class Hypothesis(NamedTuple):
     innovations: Float[Array, "axes 3"]
     """Of the last measurement, in B: innovation, and its variances for known parameters and by
     their errors."""
-    figures: Float[Array, " 5"]
-    """Innovation of every axis over its standard deviation; share of slipping wheels; logarithm of
-    the likelihood, with forgetting."""
+    figures: Float[Array, " 6"]
+    """Innovation of every axis over its standard deviation; share of slipping wheels;
+    logarithm of the likelihood, with forgetting; mean square of the innovations over their
+    variance."""
     work: Float[Array, "8 parameters"]
 
 
@@ -153,7 +161,7 @@ def command_count(delay: float, period: float) -> int:
 
 
 _SHAPES = (
-    (11,),
+    (13,),
     (HYPOTHESES,),
     (HYPOTHESES, PARAMETERS),
     (HYPOTHESES, PARAMETERS, PARAMETERS),
@@ -162,7 +170,7 @@ _SHAPES = (
     (HYPOTHESES, 3, 3, 3),
     (HYPOTHESES, 4, 3, PARAMETERS),
     (HYPOTHESES, 3, 3),
-    (HYPOTHESES, 5),
+    (HYPOTHESES, 6),
     (8, PARAMETERS),
     (PARAMETERS,),
     (1,),
@@ -221,6 +229,8 @@ def check_start(settings: DriveSettings, initial: DriveEstimate) -> None:
 @compiled
 def initial_error(parameter: int) -> float:
     """Return the standard deviation of a parameter before the first sample."""
+    if parameter == YAW_LAG:
+        return _YAW_LAG_ERROR
     return _GAIN_ERROR if parameter < LAG else _LAG_ERROR
 
 
@@ -234,10 +244,11 @@ def initialize(memory: DriveMemory, drive: Float[Array, " 5"], period: float) ->
         period: Sample time, s.
     """
     memory.chosen[0] = 0.0
-    for i in range(PARAMETERS):
+    for i in range(YAW_LAG):
         memory.initial[i] = drive[i]
+    memory.initial[YAW_LAG] = 0.0
     for k in range(HYPOTHESES):
-        memory.delays[k] = drive[PARAMETERS] + k * period
+        memory.delays[k] = drive[_DELAY] + k * period
         h = hypothesis(memory, k)
         h.covariance[:] = 0.0
         h.figures[:] = 0.0
@@ -279,13 +290,27 @@ def apply_parameters(memory: DriveMemory, drive: Float[Array, " drive"]) -> None
     ("Estimation with quadratic loss", Proc. 4th Berkeley Symposium, 1961).
     """
     chosen, initial = int(memory.chosen[0]), memory.initial
-    for i in range(PARAMETERS):
-        difference = memory.parameters[chosen, i] - initial[i]
-        bound = _SIGNIFICANCE * _SIGNIFICANCE * memory.covariance[chosen, i, i]
-        square = difference * difference
-        share = 1.0 - bound / square if square > bound else 0.0
-        drive[i] = initial[i] + share * difference
-    drive[PARAMETERS] = memory.delays[chosen]
+    p, cov = memory.parameters[chosen], memory.covariance[chosen]
+    for i in range(YAW_LAG):
+        drive[i] = _significant(p[i], cov[i, i], initial[i])
+    drive[_DELAY] = memory.delays[chosen]
+    yaw_lag = max(p[LAG] + p[YAW_LAG], 0.0)
+    drive[_APPLIED_YAW_LAG] = _significant(yaw_lag, yaw_lag_variance(cov), initial[LAG])
+
+
+@compiled
+def _significant(value: float, variance: float, initial: float) -> float:
+    """Return the initial value, plus the significant part of the difference from it."""
+    difference = value - initial
+    bound, square = _SIGNIFICANCE * _SIGNIFICANCE * variance, difference * difference
+    return initial + (1.0 - bound / square) * difference if square > bound else initial
+
+
+@compiled
+def yaw_lag_variance(covariance: Float[Array, "5 5"]) -> float:
+    """Return the variance of the lag in yaw."""
+    sides = covariance[LAG, LAG] + covariance[YAW_LAG, YAW_LAG]
+    return max(sides + 2.0 * covariance[LAG, YAW_LAG], 0.0)
 
 
 @compiled
@@ -303,24 +328,43 @@ def update_estimate(memory: DriveMemory) -> None:
         by_delay += weight * (delays[k] - delay) ** 2
         difference = parameters[k, LAG] + delays[k] - lag - delay
         by_sum += weight * (memory.covariance[k, LAG, LAG] + difference * difference)
-    for i in range(PARAMETERS):
-        out[i], out[5 + i] = parameters[chosen, i], sqrt(memory.covariance[chosen, i, i])
-    out[4] = delay
-    period = delays[1] - delays[0]
-    out[9] = sqrt(by_delay / total + period * period / 12.0)  # of a uniform distribution
-    out[10] = sqrt(by_sum / total)
+    cov, period = memory.covariance[chosen], delays[1] - delays[0]
+    for i in range(YAW_LAG):
+        out[i], out[6 + i] = parameters[chosen, i], sqrt(cov[i, i])
+    out[4], out[5] = delay, max(lag + parameters[chosen, YAW_LAG], 0.0)
+    out[10] = sqrt(by_delay / total + period * period / 12.0)  # of a uniform distribution
+    out[11] = sqrt(yaw_lag_variance(cov))
+    out[12] = sqrt(by_sum / total)
 
 
 def drive_estimate(values: Float[Array, " values"]) -> DriveEstimate:
-    """Return the estimates for the chosen delay, and their standard errors, from the memory."""
-    x, y, yaw, lag, delay, *errors = values[: _BEGINS[1]].tolist()
-    x_error, y_error, yaw_error, *others = errors
-    return DriveEstimate((x, y, yaw), lag, delay, (x_error, y_error, yaw_error), *others)
+    """Return the estimates for the chosen delay, and their standard errors.
+
+    Args:
+        values: Those of :attr:`DriveMemory.estimate`, with which the memory begins.
+    """
+    x, y, yaw, lag, delay, yaw_lag, *errors = values[: _BEGINS[1]].tolist()
+    by_x, by_y, by_yaw, by_lag, by_delay, by_yaw_lag, by_sum = errors
+    return DriveEstimate(
+        (x, y, yaw), lag, delay, yaw_lag, (by_x, by_y, by_yaw), by_lag, by_delay, by_yaw_lag, by_sum
+    )
+
+
+def logged_drive(details: Mapping[str, Float[Array, " rows"]]) -> DriveEstimate | None:
+    """Return the last estimates in the details of a run; None: it has none.
+
+    The columns are those of :data:`DRIVE_UNITS`.
+    """
+    if not details.keys() >= DRIVE_UNITS.keys():
+        return None
+    table = np.column_stack([details[name] for name in DRIVE_UNITS])
+    finite = np.flatnonzero(np.isfinite(table).all(axis=1))
+    return drive_estimate(table[finite[-1]]) if len(finite) else None
 
 
 def known_drive(robot: Robot, delay: float = 0.0) -> DriveEstimate:
     """Return the parameters of a robot file, and a delay, s, to start from."""
-    return DriveEstimate(robot.drive_gain, robot.motor_lag, delay)
+    return DriveEstimate(robot.drive_gain, robot.motor_lag, delay, robot.motor_lag)
 
 
 def identified_robot(robot: Robot, estimate: DriveEstimate) -> Robot:
@@ -343,12 +387,15 @@ DRIVE_UNITS: Mapping[str, str] = MappingProxyType(
         "drive_gain_yaw": "1",
         "drive_lag": "s",
         "drive_delay": "s",
+        "drive_yaw_lag": "s",
         "drive_gain_x_error": "1",
         "drive_gain_y_error": "1",
         "drive_gain_yaw_error": "1",
         "drive_lag_error": "s",
         "drive_delay_error": "s",
+        "drive_yaw_lag_error": "s",
+        "drive_lag_and_delay_error": "s",
     }
 )
-"""Columns of the log of a run and their units: :attr:`DriveMemory.estimate` without its last value;
-``..._error`` are standard errors."""
+"""Columns of the log of a run and their units: :attr:`DriveMemory.estimate`. ``..._error`` are
+standard errors; the last one is that of the sum of lag and delay."""

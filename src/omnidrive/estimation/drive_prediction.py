@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.estimation.drive_memory import LAG, PARAMETERS, Hypothesis
+from omnidrive.estimation.drive_memory import LAG, PARAMETERS, YAW_LAG, Hypothesis
 from omnidrive.estimation.drive_response import (
     LINEAR,
     SLIPPING,
@@ -23,25 +23,25 @@ from omnidrive.robot.slip import Vector
 
 _LEAST_LAG_STEP, _LEAST_GAIN_STEP = 0.005, 1e-6
 """Least steps of the difference quotients by the lag, s, and by a gain."""
-_VELOCITY = 0.003
+_VELOCITY = 0.0005
 """Standard deviation of the velocity that the model does not explain, m/s."""
-_RIPPLE, _TURN_RIPPLE = 0.005, 0.05
+_RIPPLE, _TURN_RIPPLE = 0.0008, 0.008
 """Likewise per unit of speed and of yaw rate times the radius of gyration: rollers and their rows
 change the effective radii."""
 _RIPPLE_TIME = 0.05
 """Time for which such an error lasts, s."""
-_ACCELERATION = 0.15
+_ACCELERATION = 0.025
 """Standard deviation of the acceleration that the model does not explain, m/s^2."""
 _SLIP_ACCELERATION = 8.0
 """Likewise with all wheels at the friction limit, m/s^2."""
-_DRIFT = 0.005
+_DRIFT = 0.0008
 """Standard deviation of the change of the disturbance in a second, m/s."""
 
 
 @compiled
 def _step(h: Hypothesis, parameter: int) -> float:
     """Return the step of the difference quotients by a parameter: its standard error."""
-    least = _LEAST_LAG_STEP if parameter == LAG else _LEAST_GAIN_STEP
+    least = _LEAST_LAG_STEP if parameter >= LAG else _LEAST_GAIN_STEP
     return max(sqrt(h.covariance[parameter, parameter]), least)
 
 
@@ -61,7 +61,9 @@ def predict(
     start, gains = _motion(h, 0, 0.0), (p[0], p[1], p[2])
     mode = WATCHED if model.max_force < inf else LINEAR
     while True:
-        end = respond(model, rates, gains, p[LAG], h.delay, start, commands, dt, mode)
+        end = respond(
+            model, rates, gains, p[LAG], p[LAG] + p[YAW_LAG], h.delay, start, commands, dt, mode
+        )
         if mode != WATCHED or end.saturation == 0.0:
             break
         mode = SLIPPING
@@ -126,7 +128,8 @@ def _predict_sensitivities(  # noqa: PLR0917
     )
     lag = p[LAG] + (delta if i == LAG else 0.0)
     start = _motion(h, i, delta)
-    other = respond(model, rates, gains, lag, h.delay, start, commands, dt, mode)
+    yaw_lag = lag + p[YAW_LAG] + (delta if i == YAW_LAG else 0.0)
+    other = respond(model, rates, gains, lag, yaw_lag, h.delay, start, commands, dt, mode)
     c, s = cos(h.pose[2]), sin(h.pose[2])
     x, y = sens[0, 0, i], sens[0, 1, i]
     dx = c * x - s * y + (other.displacement[0] - end.displacement[0]) / delta

@@ -98,6 +98,7 @@ def respond(  # noqa: PLR0917
     rates: Vector,
     gains: Vector,
     lag: float,
+    yaw_lag: float,
     delay: float,
     start: Motion,
     commands: Float[Array, "commands 4"],
@@ -110,7 +111,8 @@ def respond(  # noqa: PLR0917
         model: Response to the twist of the motors.
         rates: :func:`inverse_lags` of the model.
         gains: Ratio of the twist that the motors follow to the commanded one, for every axis.
-        lag: Time constant with which the motors follow, s.
+        lag: Time constant with which the motors follow in x and y, s.
+        yaw_lag: Likewise in yaw, s.
         delay: Time from a command until it takes effect, s.
         start: The motion at the start; its displacement is zero besides the yaw.
         commands: Earlier commands, the latest one first: body twist, and the time for which it was
@@ -118,7 +120,7 @@ def respond(  # noqa: PLR0917
         dt: In s.
         mode: :data:`LINEAR`, :data:`WATCHED` or :data:`SLIPPING`.
     """
-    lag, motion = max(lag, _MIN_LAG), start
+    lag, yaw_lag, motion = max(lag, _MIN_LAG), max(yaw_lag, _MIN_LAG), start
     step = min(_STEP, max(_SLIP_STEP / rates[0], dt / _MAX_STEPS)) if mode == SLIPPING else _STEP
     begin, row = 0.0, 0
     for k in range(len(commands)):  # the command that acts at the start
@@ -133,7 +135,8 @@ def respond(  # noqa: PLR0917
         if end - first > _ROUNDING * dt:
             goal = (gains[0] * commands[k, 0], gains[1] * commands[k, 1], gains[2] * commands[k, 2])
             steps = ceil((end - first) / step - _ROUNDING)
-            motion = _hold(model, rates, motion, goal, lag, (end - first) / steps, steps, mode)
+            span = (end - first) / steps
+            motion = _hold(model, rates, motion, goal, lag, yaw_lag, span, steps, mode)
             first = end
     x, y, yaw = motion.displacement
     ox, oy, ow = motion.disturbance
@@ -155,6 +158,7 @@ def _hold(  # noqa: PLR0917
     motion: Motion,
     goal: Vector,
     lag: float,
+    yaw_lag: float,
     h: float,
     steps: int,
     mode: int,
@@ -167,6 +171,8 @@ def _hold(  # noqa: PLR0917
     (x, y, yaw), (mx, my, mw), (bx, by, bw), disturbance, saturation = motion
     decay = exp(-h / lag)
     share = lag / h * (1.0 - decay)
+    yaw_decay = exp(-h / yaw_lag)
+    yaw_share = yaw_lag / h * (1.0 - yaw_decay)
     ex, ey, ew = exp(-h * rates[0]), exp(-h * rates[1]), exp(-h * rates[2])
     qx, qy = (1.0 - ex) / (h * rates[0]), (1.0 - ey) / (h * rates[1])
     qw = (1.0 - ew) / (h * rates[2])
@@ -174,10 +180,10 @@ def _hold(  # noqa: PLR0917
     for _ in range(steps):
         input_x = goal[0] + share * (mx - goal[0]) + disturbance[0]
         input_y = goal[1] + share * (my - goal[1]) + disturbance[1]
-        input_w = goal[2] + share * (mw - goal[2]) + disturbance[2]
+        input_w = goal[2] + yaw_share * (mw - goal[2]) + disturbance[2]
         mx = goal[0] + decay * (mx - goal[0])
         my = goal[1] + decay * (my - goal[1])
-        mw = goal[2] + decay * (mw - goal[2])
+        mw = goal[2] + yaw_decay * (mw - goal[2])
         cx, cy = input_x + bw * by / rates[0], input_y - bw * bx / rates[1]
         ax, ay, aw = cx + qx * (bx - cx), cy + qy * (by - cy), input_w + qw * (bw - input_w)
         nx, ny, nw = cx + ex * (bx - cx), cy + ey * (by - cy), input_w + ew * (bw - input_w)

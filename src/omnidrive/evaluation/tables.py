@@ -10,6 +10,7 @@ import numpy as np
 from omnidrive.arrays import Array
 from omnidrive.control.pid.rules import LABELS, paper_rules
 from omnidrive.control.pid.rules import published_rules as code_rules
+from omnidrive.evaluation.drive_table import drive_table
 from omnidrive.evaluation.fault_table import fault_table
 from omnidrive.evaluation.paired import (
     MEASURE_LABELS,
@@ -50,6 +51,7 @@ def study_tables(
         _step_table(results, published),
         _horizon_table(results),
         fault_table(results),
+        drive_table(results),
         _ended_table(results),
         _controller_table(results),
     ]

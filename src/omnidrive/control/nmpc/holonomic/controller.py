@@ -190,7 +190,8 @@ class HolonomicController(GuardedController):
     def _known_drive(self) -> DriveEstimate:
         """Return the parameters of the drive before adaptation."""
         actuation = self.actuation
-        return DriveEstimate(actuation.drive_gain, actuation.motor_lag, actuation.delay)
+        lag = actuation.motor_lag
+        return DriveEstimate(actuation.drive_gain, lag, actuation.delay, lag)
 
     def _new_window(self) -> ReferenceWindow:
         """Return a window that also covers the longest delay that can be identified."""

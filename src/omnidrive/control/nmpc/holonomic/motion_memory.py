@@ -14,7 +14,7 @@ from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot.slip import Vector
 
-LAG, DELAY, LEAD = 3, 4, 5
+LAG, DELAY, LEAD, YAW_LAG, YAW_LEAD = 3, 4, 5, 6, 7
 """Indices of :attr:`MotionMemory.drive`; before them are the gains of x, y and yaw."""
 
 
@@ -49,9 +49,9 @@ class MotionMemory(NamedTuple):
     """Covariance of every axis, in m^2 and so on; of the yaw axis in rad^2."""
     motors: Float[Array, " 3"]
     """Twist that the motors follow: the commanded one with gains, delay and lag."""
-    drive: Float[Array, " 6"]
-    """Gains along x, y and yaw, lag of the motors (s), delay (s) of the commands, and the part of
-    the lag that commands compensate (s)."""
+    drive: Float[Array, " 8"]
+    """Gains along x, y and yaw, lag of the motors in x and y (s), delay of the commands (s), the
+    part of the lag that commands compensate (s); and the latter and the lag in yaw."""
     identified: Float[Array, " values"]
     """What the identification of these parameters knows, see
     :func:`~omnidrive.estimation.drive_memory.memory_in`; empty without identification."""
@@ -85,7 +85,7 @@ def motion_memory(commands: int, identified: int = 0) -> MotionMemory:
         np.zeros(3),
         np.zeros((3, 3, 3)),
         np.zeros(3),
-        np.zeros(6),
+        np.zeros(8),
         np.zeros(identified),
         np.zeros((commands, 3)),
         np.zeros(13),

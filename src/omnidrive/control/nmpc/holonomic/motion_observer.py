@@ -12,7 +12,13 @@ from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at, disturbance_scale
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
-from omnidrive.control.nmpc.holonomic.motion_memory import DELAY, LAG, MotionMemory, axis_unit
+from omnidrive.control.nmpc.holonomic.motion_memory import (
+    DELAY,
+    LAG,
+    YAW_LAG,
+    MotionMemory,
+    axis_unit,
+)
 from omnidrive.control.nmpc.holonomic.pose_noise import (
     estimate_noise,
     noisy_share,
@@ -88,7 +94,7 @@ def _predict_one(
     model: SlipModel, memory: MotionMemory, command: int, dt: float
 ) -> tuple[float, float]:
     """Predict state and covariance over ``dt`` (s) with one command, as :func:`predict`."""
-    steps, h = _motor_steps(memory.drive[LAG], dt)
+    steps, h = _motor_steps(max(memory.drive[LAG], memory.drive[YAW_LAG]), dt)
     share, undisturbed = 0.0, 0.0
     for _ in range(steps):
         mean, motors = _motor_response(memory, command, _vector(memory.motors), h)
@@ -113,10 +119,11 @@ def _motor_response(
     """Return mean and final value of the motors' twist over ``dt`` (s) with one command."""
     sent, drive = memory.commands[command], memory.drive
     share, decay = mean_decay(drive[LAG], dt)
+    yaw_share, yaw_decay = mean_decay(drive[YAW_LAG], dt)
     x, y, yaw = drive[0] * sent[0], drive[1] * sent[1], drive[2] * sent[2]
     dx, dy, dw = motors[0] - x, motors[1] - y, motors[2] - yaw
-    mean = (x + share * dx, y + share * dy, yaw + share * dw)
-    return mean, (x + decay * dx, y + decay * dy, yaw + decay * dw)
+    mean = (x + share * dx, y + share * dy, yaw + yaw_share * dw)
+    return mean, (x + decay * dx, y + decay * dy, yaw + yaw_decay * dw)
 
 
 @compiled
@@ -310,7 +317,7 @@ def predict_delayed(
     for k in range(count, -1, -1):
         dt = delay - count * period if k == count else period
         if dt > _ROUNDING * period:
-            steps, h = _motor_steps(memory.drive[LAG], dt)
+            steps, h = _motor_steps(max(memory.drive[LAG], memory.drive[YAW_LAG]), dt)
             for _ in range(steps):
                 held, motors = _motor_response(memory, k, motors, h)
                 mean, twist = slip_response(model, twist, _disturbed(model, memory, held), h)

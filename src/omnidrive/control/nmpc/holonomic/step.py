@@ -18,6 +18,8 @@ from omnidrive.control.nmpc.holonomic.motion_memory import (
     DELAY,
     LAG,
     LEAD,
+    YAW_LAG,
+    YAW_LEAD,
     MotionMemory,
     remember,
     restart,
@@ -117,6 +119,7 @@ def observe(
         if first:
             for i in range(len(robot.drive)):
                 memory.drive[i] = robot.drive[i]
+            memory.drive[YAW_LAG] = robot.drive[LAG]
         _identify(robot.identify, START if first else RESTART, robot, memory, now, dt, dt)
         return
     pose = (memory.pose[0], memory.pose[1], memory.pose[2])
@@ -130,6 +133,7 @@ def observe(
     _identify(robot.identify, CONTINUE, robot, memory, now, elapsed, dt)
     steady = steady and shares[0] <= STEADY_SATURATION
     memory.drive[LEAD] = memory.drive[LAG] if steady else 0.0
+    memory.drive[YAW_LEAD] = memory.drive[YAW_LAG] if steady else 0.0
 
 
 @compiled
@@ -400,11 +404,11 @@ def _command_motors(
         change: From the mean twist to that at the end of the sample.
         dt: Sample time, s.
     """
-    lead, gains = memory.drive[LEAD] / dt, memory.drive
+    lead, yaw_lead, gains = memory.drive[LEAD] / dt, memory.drive[YAW_LEAD] / dt, memory.drive
     return (
         (mean[0] + lead * (mean[0] + change[0] - motors[0])) / gains[0],
         (mean[1] + lead * (mean[1] + change[1] - motors[1])) / gains[1],
-        (mean[2] + lead * (mean[2] + change[2] - motors[2])) / gains[2],
+        (mean[2] + yaw_lead * (mean[2] + change[2] - motors[2])) / gains[2],
     )
 
 
