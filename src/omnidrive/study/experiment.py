@@ -67,7 +67,7 @@ class Experiment:
         *,
         report: Callable[[Progress], None] = lambda _: None,
         time_limit: float | None = None,
-        in_process: bool = False,
+        in_process: bool | None = None,
         extend: Callable[[Store], int | None] = lambda _: None,
         scheduler: str | None = None,
     ) -> None:
@@ -82,7 +82,7 @@ class Experiment:
             report: Called with the progress after each block.
             time_limit: Largest wall time of a run in a worker process, s; blocks are then single
                 runs. None: no limit.
-            in_process: Whether to compute in this process.
+            in_process: Whether to compute in this process. None: with one process, if possible.
             extend: Called when all runs are stored; returns how many runs from the first one on
                 are to be computed, at most those of the plan, or None: no more.
             scheduler: Address of a Dask scheduler, whose workers compute. None: processes of this
@@ -102,9 +102,10 @@ class Experiment:
             name=lambda number: f"run {number}",
             largest=1 if time_limit is not None else _MOST_CLAIMED,
         )
-        here = in_process or (
-            scheduler is None and (must_be_in_process() or (processes == 1 and time_limit is None))
-        )
+        here = in_process
+        if here is None:
+            alone = processes == 1 and time_limit is None
+            here = scheduler is None and (alone or must_be_in_process())
         with Store(folder) as store:
             store.begin(self.definition)
             plan = PlanPrefix(self.plan, len(self.plan) if self.first is None else self.first)

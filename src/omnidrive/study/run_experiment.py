@@ -94,7 +94,7 @@ def run_experiment(
         processes,
         report=report,
         time_limit=run_timeout,
-        in_process=needs_this_process(definition),
+        in_process=True if needs_this_process(definition) else None,
         extend=(lambda _: None) if until is None else _Extension(until, plan, note),
         scheduler=scheduler,
     )

@@ -299,7 +299,7 @@ def _pack(value: Any, folder: Path) -> bytes | Path:
 
     Functions of the program's main module are part of the pickle, so that a script needs no guard.
     """
-    data = cloudpickle.dumps(value)
+    data: bytes = cloudpickle.dumps(value)
     if len(data) <= _SHORT:
         return data
     path = folder / uuid4().hex
