@@ -21,9 +21,9 @@ from omnidrive.study.scenario_file import scenario_data
 from omnidrive.study.tasks import NoiseTask, Tasks
 
 EACH = 0.002  # s of processor time of a run of the benchmark of the engine
-SECONDS = 12.0  # of work, after the first blocks
+SECONDS = 8.0  # of work, after the first blocks
 OVERHEAD, SPEED_UP = 5.0, 1.7  # %, 1
-LOOPS = {"kinematic": (700.0, 6000), "planar": (130.0, 1500)}  # per second and core; number of runs
+LOOPS = {"kinematic": (700.0, 4000), "planar": (130.0, 1000)}  # per second and core; number of runs
 
 
 @dataclass(frozen=True)
