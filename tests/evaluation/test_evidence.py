@@ -55,7 +55,7 @@ def test_difference_is_that_of_the_pairs():
     values = {n: RunTable(table.filter(pa.compute.equal(table["controller"], n))).values("me")
               for n in THREE}  # fmt: skip
     differences = values["fuzzy_t2"] - values["fuzzy_t1"]
-    assert pair.difference == bootstrap_means(differences[:, None])[0].estimate
+    assert pair.difference == pytest.approx(bootstrap_means(differences[:, None])[0].estimate)
     assert pair.effect == pytest.approx(differences.mean() / differences.std(ddof=1))
     assert pair.share_better == np.mean(differences < 0.0)
     assert pair.relative == pytest.approx(differences.mean() / values["fuzzy_t1"].mean())
@@ -157,6 +157,18 @@ def test_pairs_with_a_failed_run_are_left_out():
     assert success.pair("pid", "fuzzy_t1").difference.mean == pytest.approx(-2 / 30)
     often = synthetic_table(THREE, repetitions=40, failures={("pid", r) for r in range(15)})
     assert evidence(often, "finished").pair("pid", "fuzzy_t1").verdict == "worse"
+
+
+def test_controller_that_fails_in_difficult_cases_is_not_the_best():
+    """Its mean is the lowest only because it has no errors in the difficult half."""
+    difficult = [0.01 * (r % 2) for r in range(30)]
+    rows = {"a": [0.051 + d + 1e-5 * r for r, d in enumerate(difficult)],
+            "b": [0.050 + d for d in difficult]}  # fmt: skip
+    found = evidence(with_values(rows, failed=[("a", r) for r in range(1, 30, 2)]))
+    assert [s.controller for s in found.ranking] == ["a", "b"]
+    assert found.pair("b", "a").verdict == "better"
+    assert found.leader.controller == "b"
+    assert found.best == ("b",)
 
 
 def test_always_valid_intervals_are_wider():

@@ -178,15 +178,27 @@ class TaskEvidence(NamedTuple):
         return None
 
     @property
-    def best(self) -> tuple[str, ...]:
-        """The controller with the best mean, and those from which no difference is shown."""
+    def leader(self) -> Summary | None:
+        """Controller with the best mean of those that are not shown to be worse than another.
+
+        A controller that fails in difficult cases may have the best mean, but be worse in the same
+        cases. None: no controller has a valid mean.
+        """
         ranking = self.ranking
-        if not ranking:
+        worse = {pair.first if pair.verdict == WORSE else pair.second
+                 for pair in self.pairs if pair.verdict != NO_DIFFERENCE}  # fmt: skip
+        return next((each for each in ranking if each.controller not in worse), (*ranking, None)[0])
+
+    @property
+    def best(self) -> tuple[str, ...]:
+        """The leader, and the controllers from which no difference to it is shown."""
+        leader = self.leader
+        if leader is None:
             return ()
-        first = ranking[0].controller
+        first = leader.controller
         tied = [
             each.controller
-            for each in ranking[1:]
+            for each in self.ranking
             if (pair := self.pair(first, each.controller)) and pair.verdict == NO_DIFFERENCE
         ]
         return (first, *tied)

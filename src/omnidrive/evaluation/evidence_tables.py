@@ -65,15 +65,16 @@ def answer_table(answers: Sequence[TaskAnswer]) -> Table:
     for each in answers:
         best = each.evidence.best
         first = each.sentences[0] if each.sentences else "no other controller"
-        value = value_text(each.evidence.ranking[0]) if best else NO_VALUE
+        leader = each.evidence.leader
+        value = value_text(leader) if leader else NO_VALUE
         rows.append((each.evidence.task.label, ", ".join(best) or NO_VALUE,
                      each.evidence.measure.label, value, first))  # fmt: skip
     return Table(
         "Answer",
         ("task", "best", "quantity", "mean", "against the next"),
         tuple(rows),
-        "Best: the controller with the best mean, and those from which no difference is shown. "
-        + INTERVAL_NOTE,
+        "Best: the controller with the best mean that is not shown to be worse than another in the "
+        "same runs, and those from which no difference is shown. " + INTERVAL_NOTE,
         keys=2,
         prose=True,
         lead=" ".join(each.lead for each in answers),

@@ -36,9 +36,9 @@ class TaskAnswer(NamedTuple):
         evidence, best = self.evidence, self.evidence.best
         measure = evidence.measure.label
         task = evidence.task.label.capitalize()
-        if not best:
+        first = evidence.leader
+        if first is None:
             return f"{task}: no run has a valid {measure}."
-        first = evidence.ranking[0]
         value = value_text(first)
         if len(evidence.summaries) == 1:
             return f"{task}: {first.controller} has {measure} {value}."
@@ -57,9 +57,12 @@ class TaskAnswer(NamedTuple):
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """Comparison of the best controller with each other one, in the order of the ranking."""
-        ranking = [each.controller for each in self.evidence.ranking]
-        pairs = (self.evidence.pair(ranking[0], other) for other in ranking[1:])
+        """Comparison of the leader with each other controller, in the order of the means."""
+        leader = self.evidence.leader
+        if leader is None:
+            return ()
+        others = (each.controller for each in self.evidence.ranking)
+        pairs = (self.evidence.pair(leader.controller, other) for other in others)
         return tuple(_with_detail(pair) for pair in pairs if pair)
 
     def _failing(self, best: Sequence[str]) -> str:

@@ -130,7 +130,7 @@ def _card(answer: TaskAnswer) -> str:
         f'<strong><i class="swatch" data-controller="{escape(name)}"></i>{escape(name)}</strong>'
         for name in evidence.best
     )
-    value = value_text(evidence.ranking[0]) if evidence.ranking else NO_VALUE
+    value = value_text(evidence.leader) if evidence.leader else NO_VALUE
     sentences = [f"<li>{escape(sentence)}</li>" for sentence in answer.sentences]
     shown, rest = sentences[:_SHOWN_SENTENCES], sentences[_SHOWN_SENTENCES:]
     more = (
