@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import hypot, inf, sqrt
 
+import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
@@ -18,7 +19,8 @@ EARLY = 1e-9
 @compiled
 def find_nearest(  # noqa: PLR0917
     times: Float[Array, " points"],
-    points: Float[Array, "points 2"],
+    xs: Float[Array, " points"],
+    ys: Float[Array, " points"],
     t: Float[Array, " rows"],
     poses: Float[Array, "runs rows 3"],
     behind: int,
@@ -31,27 +33,33 @@ def find_nearest(  # noqa: PLR0917
     before. Of points with the same distance it is the last one that the reference has reached, or
     the first one.
     """
+    squares = np.empty(behind + ahead + 4)
     for r in range(len(poses)):
         at = 0
         for k in range(len(t)):
             x, y = poses[r, k, 0], poses[r, k, 1]
-            start, end = max(at - behind, 0), min(at + ahead + 1, len(points))
-            square = inf
-            for i in range(start, end):
-                dx, dy = points[i, 0] - x, points[i, 1] - y
-                square = min(square, dx * dx + dy * dy)
-            near = sqrt(square) * (1.0 + 1e-12) + 2.0 * SAME  # safely above the distances to check
-            near *= near
+            start, end = max(at - behind, 0), min(at + ahead + 1, len(xs))
+            for i in range(end - start):
+                dx, dy = xs[start + i] - x, ys[start + i] - y
+                squares[i] = dx * dx + dy * dy
+            count = end - start
+            for i in range(count, count + 3):
+                squares[i] = inf
+            a, b, c, d = inf, inf, inf, inf
+            for i in range(0, count, 4):  # four independent chains take a quarter of the time
+                a, b = min(a, squares[i]), min(b, squares[i + 1])
+                c, d = min(c, squares[i + 2]), min(d, squares[i + 3])
+            square = min(a, b, c, d)
+            # safely above the squares of the distances to check
+            near = (sqrt(square) * (1.0 + 1e-12) + 2.0 * SAME) ** 2
             least = inf
-            for i in range(start, end):
-                dx, dy = points[i, 0] - x, points[i, 1] - y
-                if dx * dx + dy * dy <= near:
-                    least = min(least, hypot(dx, dy))
+            for i in range(count):
+                if squares[i] <= near:
+                    least = min(least, hypot(xs[start + i] - x, ys[start + i] - y))
             at = -1
-            for i in range(start, end):
-                dx, dy = points[i, 0] - x, points[i, 1] - y
-                if dx * dx + dy * dy > near or hypot(dx, dy) > least + SAME:
+            for i in range(count):
+                if squares[i] > near or hypot(xs[start + i] - x, ys[start + i] - y) > least + SAME:
                     continue
-                if at < 0 or times[i] < t[k] + EARLY:
-                    at = i
+                if at < 0 or times[start + i] < t[k] + EARLY:
+                    at = start + i
             nearest[r, k] = at

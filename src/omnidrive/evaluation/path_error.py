@@ -63,8 +63,9 @@ def path_errors_of(
     if path is None:
         return _errors_without_path(t, poses, target)
     nearest = np.zeros(poses.shape[:2], np.int64)
-    points, poses = np.ascontiguousarray(path.points[:, :2]), np.ascontiguousarray(poses)
-    find_nearest(path.times, points, t, poses, path.behind, path.ahead, nearest)
+    xs, ys, _ = np.ascontiguousarray(path.points.T)
+    poses = np.ascontiguousarray(poses)
+    find_nearest(path.times, xs, ys, t, poses, path.behind, path.ahead, nearest)
     return path.errors(poses, nearest)
 
 

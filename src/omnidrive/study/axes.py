@@ -182,12 +182,13 @@ def _grid(source: dict[Any, Any]) -> list[float]:
     odd = [str(key) for key in source if key not in _GRID]
     if odd:
         raise InvalidStudy(f"unknown key '{one_line(odd[0], 60)}'{suggestion(odd[0], _GRID)}")
-    first, last, count = (source.get(key) for key in ("from", "to", "count"))
-    if not (is_finite_number(first) and is_finite_number(last)):
+    ends, count = (source.get("from"), source.get("to")), source.get("count")
+    if not all(map(is_finite_number, ends)):
         raise InvalidStudy("a grid needs two numbers, from and to")
     if not isinstance(count, int) or isinstance(count, bool) or not 2 <= count <= MAX_VALUES:
         raise InvalidStudy(f"count is {short_repr(count)}, need 2 to {MAX_VALUES}")
-    scale = check_scale(source.get("scale", "linear"), float(cast(float, first)))
+    first, last = (float(cast(float, each)) for each in ends)
+    scale = check_scale(source.get("scale", "linear"), min(first, last))
     spaced = np.geomspace if scale == "log" else np.linspace
     values: list[float] = spaced(first, last, count).tolist()
     return values

@@ -13,7 +13,6 @@ from omnidrive.errors import OmnidriveError
 from omnidrive.evaluation.recovery import Recovery, recovery
 from omnidrive.evaluation.results import FaultResult
 from omnidrive.parameter import check_choice
-from omnidrive.robot import Robot
 from omnidrive.simulation import Run
 from omnidrive.study.batched_runs import batched_records
 from omnidrive.study.definition import SeriesKept
@@ -124,19 +123,16 @@ class _Plans:
         Raises:
             OmnidriveError: See :func:`plan_scenario`.
         """
-        sections = [getattr(scenario, name) for name in _PLANNED_BY]
+        sections = [*(getattr(scenario, name) for name in _PLANNED_BY), scenario.true_robot]
         identity = tuple(map(id, sections))  # of objects that the kept value holds
 
         def found() -> tuple[list[Any], PlannedScenario]:
-            content = dumps(plain(sections))
-            return sections, self._by_content.get(content, lambda: plan_scenario(scenario))
+            *planned_by, true_robot = map(plain, sections)
+            planned = self._by_content.get(dumps(planned_by), lambda: plan_scenario(scenario))
+            return sections, replace(planned, plant_robot=robot_in(true_robot))
 
         _, planned = self._by_identity.get(identity, found)
-        return replace(planned, scenario=scenario, plant_robot=_plant_robot(scenario))
-
-
-def _plant_robot(scenario: Scenario) -> Robot:
-    return robot_in(plain(scenario.true_robot))
+        return replace(planned, scenario=scenario)
 
 
 _plans, _undisturbed = _Plans(), _Kept(_KEPT_RUNS)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import chain
 from typing import Any, Literal, NamedTuple, get_args
 
 from omnidrive.errors import InvalidStudy
@@ -84,7 +83,8 @@ class StudyDefinition:
     @property
     def factor_names(self) -> tuple[str, ...]:
         """Names of all axes, then of all random factors."""
-        return tuple(each.name for each in chain(self.axes, self.random.factors))
+        factors = self.random.factors
+        return (*(each.name for each in self.axes), *(each.name for each in factors))
 
     def with_repetitions(self, repetitions: int) -> StudyDefinition:
         """Return the study with another number of repetitions; the runs of present ones stay.

@@ -120,8 +120,8 @@ def parse_definition(
     Raises:
         InvalidStudy: A key, a setting or a value is invalid; the message names the first ten.
     """
+    move = beside(to_path("study.yaml" if file is None else file))
     given = _parse_file(data, where)
-    move = beside(to_path(file or "study.yaml"))
     try:
         scenario = _base_scenario(given.scenario, move, allow_code)
         fixed = {**given.set, **(changes or {})}

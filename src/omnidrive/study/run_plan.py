@@ -29,7 +29,7 @@ LARGE = 10_000_000
 
 _MOST_GROUPS = 100_000  # combinations of the axes that decide which runs there are
 _MOST_JOB_LISTS = 10_000  # of these, combinations of the axes that change tasks or controllers
-_KEPT = 64  # variants that are kept
+_KEPT = 1024  # variants that are kept
 
 
 class _JobList(NamedTuple):

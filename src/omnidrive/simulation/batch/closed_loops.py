@@ -72,6 +72,8 @@ class LoopLogs(NamedTuple):
 
     def of(self, chosen: Bool[Array, " runs"]) -> LoopLogs:
         """Return the logs of the chosen runs."""
+        if chosen.all():
+            return self
         return self._replace(figures=self.figures[chosen], rows=self.rows[chosen])
 
     def columns(self, first: int, count: int) -> Float[Array, "runs samples {count}"]:
