@@ -49,6 +49,11 @@ def test_pairs_with_a_lost_run_are_left_out_and_counted():
     assert found.gains[0].before == pytest.approx(np.mean(means))
 
 
+def test_a_metric_is_reported_once():
+    found = held_out_gain(runs(BEFORE), runs(AFTER), [parse_objective("effort")])
+    assert [each.label for each in found.gains] == ["effort in rad/s²", "ME, mm"]
+
+
 def test_single_repetition_compares_references():
     found = held_out_gain(runs(BEFORE[:1]), runs(AFTER[:1]), [parse_objective("me")])
     assert found.gains[0].difference.sample_size == 3

@@ -34,7 +34,7 @@ def scenario(**changes):
             "robot": {"name": "paper"},
             "plant": "kinematic",
             "reference": {"type": "circle", "radius": 0.4},
-            "controllers": {"ff": {"type": "feedforward", "position": 0.5}, "pid": "pid"},
+            "controllers": {"slow": {"type": "pid", "position": {"kp": 2.0}}, "pid": "pid"},
             "sample_time": 0.2,
             "tasks": {"track": {"durations": [4.0]}},
             **changes,
@@ -43,7 +43,8 @@ def scenario(**changes):
 
 
 def small(trials=10, **changes):
-    settings = TuningSettings(controller="ff", trials=trials, **changes)
+    chosen = ("position.kp", "heading.kp")
+    settings = TuningSettings(controller="slow", trials=trials, parameters=chosen, **changes)
     found = Tuning.of(scenario(), settings)
     held_out = found.sets.held_out.scenario.with_values(
         reference={"type": "eight", "length": 1.5}, tasks={"track": {"durations": [12.0]}}
@@ -87,10 +88,10 @@ def test_search_improves_held_out_runs_and_resumes(finished, monkeypatch):
     found = scenario(controllers={"tuned": str(tmp_path / "parameters.yaml")})
     assert found.controllers["tuned"] == result.after
     report = (tmp_path / "report.html").read_text()
-    for text in (gain.text.split(",")[0], "omnidrive tune ", "Changed parameters", "position"):
+    for text in (gain.text.split(",")[0], "omnidrive tune ", "Changed parameters", "position.kp"):
         assert text in report
     rows = (tmp_path / "trials.csv").read_text().splitlines()
-    assert rows[0] == "trial,me,violation,failed_runs,position,heading"
+    assert rows[0] == "trial,me,violation,failed_runs,position.kp,heading.kp"
     assert len(rows) == 1 + len(result.search.trials)
 
     work = stored_runs._work(timed=False)
@@ -122,7 +123,7 @@ def test_several_objectives_write_their_front(tmp_path):
     result = tune(small(trials=5, objectives=("me", "effort")), tmp_path)
     files = [path for path in write_tuning(result) if path.parent.name == "front"]
     assert files
-    assert load_controller(files[0])["type"] == "feedforward"
+    assert load_controller(files[0])["type"] == "pid"
     assert (tmp_path / "figures" / "front.svg").is_file()
     assert "Front" in (tmp_path / "report.html").read_text()
 
@@ -141,16 +142,14 @@ def test_folder_of_another_tuning_is_refused(tmp_path):
 
 
 def test_equal_budget_tunes_every_controller(tmp_path):
-    slow, stiff = {"type": "feedforward", "position": 0.5}, {"type": "feedforward"}
-    base = scenario(controllers={"ff": slow, "stiff": stiff})
-    definition = StudyDefinition.from_scenario(base)
-    found = equal_budget(definition, 3, tmp_path)
+    definition = StudyDefinition.from_scenario(scenario())
+    found = equal_budget(definition, 12, tmp_path)
     before, after = (each.scenario.controllers for each in (definition, found))
     assert list(after) == list(before)
-    assert after["ff"] != before["ff"]
+    assert after["slow"] != before["slow"]
     assert found.scenario.seed == definition.scenario.seed
-    assert (tmp_path / "stiff" / "training" / "runs.sqlite").is_file()
-    assert not (tmp_path / "ff" / "held-out").exists()
+    assert (tmp_path / "pid" / "training" / "runs.sqlite").is_file()
+    assert not (tmp_path / "slow" / "held-out").exists()
 
 
 def test_computing_times_can_be_objectives(tmp_path):
@@ -163,8 +162,8 @@ def test_computing_times_can_be_objectives(tmp_path):
     [
         ("a: 1", "is no tuning of this version"),
         ("format: omnidrive-tuning-2", "is no tuning of this version"),
-        ("format: omnidrive-tuning-1\ncontroller: ff\ntrials: 0", "trials is 0, need 2 to"),
-        ("format: omnidrive-tuning-1\ncontroler: ff", "did you mean 'controller'"),
+        ("format: omnidrive-tuning-1\ncontroller: slow\ntrials: 0", "trials is 0, need 2 to"),
+        ("format: omnidrive-tuning-1\ncontroler: slow", "did you mean 'controller'"),
     ],
 )
 def test_bad_settings_are_refused(tmp_path, content, message):
@@ -196,7 +195,7 @@ def test_sets_share_neither_seeds_nor_references_nor_robots(plant):
 
 def test_command(tmp_path):
     save_scenario(scenario(), tmp_path / "s.yaml")
-    words = ["tune", "s.yaml", "--controller", "ff", "--trials", 3, "--jobs", 1, "--out", "out"]
+    words = ["tune", "s.yaml", "--controller", "slow", "--trials", 3, "--jobs", 1, "--out", "out"]
     done = omnidrive(*words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "on runs that the search has not seen: ME in mm" in done.stdout.replace("\n", " ")
@@ -208,15 +207,15 @@ def test_command(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "--controller is needed: the scenario has ff, pid"),
+        ([], "--controller is needed: the scenario has slow, pid"),
         (["--controller", "xy"], "there is no controller 'xy'"),
-        (["--controller", "ff", "--objective", "mee"], "did you mean 'me'"),
-        (["--controller", "ff", "--limit", "me<=1"], "needs a unit"),
-        (["--controller", "ff", "--parameters", "posn"], "did you mean 'position'"),
-        (["--controller", "ff", "--range", "position=3"], "--range must be NAME=LOW:HIGH"),
-        (["--controller", "ff", "--range", "position=3:1"], "need an increasing one"),
-        (["--controller", "ff", "--minutes", "-1"], "minutes is -1 min, need 0.01 to"),
-        (["--controller", "ff", "--training", "no.yaml"], "no.yaml"),
+        (["--controller", "slow", "--objective", "mee"], "did you mean 'me'"),
+        (["--controller", "slow", "--limit", "me<=1"], "needs a unit"),
+        (["--controller", "slow", "--parameters", "position.kq"], "did you mean 'position.kp'"),
+        (["--controller", "slow", "--range", "position.kp=3"], "--range must be NAME=LOW:HIGH"),
+        (["--controller", "slow", "--range", "position.kp=3:1"], "need an increasing one"),
+        (["--controller", "slow", "--minutes", "-1"], "minutes is -1 min, need 0.01 to"),
+        (["--controller", "slow", "--training", "no.yaml"], "no.yaml"),
     ],
 )
 def test_bad_options_are_refused(tmp_path, words, message):

@@ -98,7 +98,12 @@ def held_out_gain(before: Records, after: Records, objectives: Sequence[Objectiv
         if each.finished and each.pairing in earlier and earlier[each.pairing].finished
     ]
     gains = [_gain(str(each), pairs, each.value) for each in objectives]
-    plain = {each.text for each in objectives}
+    plain = {
+        term.metric.name
+        for each in objectives
+        for term in each.terms
+        if len(each.terms) == 1 and term.weight == 1.0 and term.statistic == "mean"
+    }
     for name in METRICS:
         quantity = QUANTITIES[name]
         if name not in plain:
@@ -134,4 +139,4 @@ def _gain(
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:+.1f} %".replace("-", "\u2212")
+    return f"{100.0 * share:+z.1f} %".replace("-", "\u2212")

@@ -110,8 +110,8 @@ def _gain_table(result: TuningResult) -> Table:
     rows = []
     for each in result.held_out.gains:
         mean, low, high = (100.0 * share for share in each.relative)
-        change = f"{mean:+.1f}" if isfinite(mean) else "–"
-        interval = f"[{low:+.1f}, {high:+.1f}]" if isfinite(low) else "–"
+        change = f"{mean:+z.1f}" if isfinite(mean) else "–"
+        interval = f"[{low:+z.1f}, {high:+z.1f}]" if isfinite(low) else "–"
         cells = (f"{each.before:.4g}", f"{each.after:.4g}", change, interval)
         rows.append((each.label, *(cell.replace("-", "\u2212") for cell in cells), each.verdict))
     return Table(
