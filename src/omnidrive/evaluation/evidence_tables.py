@@ -94,14 +94,15 @@ def _summary_tables(answers: Sequence[TaskAnswer]) -> list[Table]:
     for measure in measures:
         found = [each.evidence for each in answers if each.evidence.measure == measure]
         unit = f", {measure.shown_unit}" if measure.shown_unit else ""
-        rows = tuple(_summary_row(s) for evidence in found for s in evidence.summaries)
+        rows = tuple(row for evidence in found for row in _summary_rows(evidence))
         values = tuple(f"{name}{unit}" for name in ("mean", "median", "p95", "worst"))
         table = Table(
             f"Distribution of {measure.label}",
-            ("task", "controller", *values, "success rate", "runs"),
+            ("task", "controller", "rank", *values, "success rate", "runs"),
             rows,
             f"{measure.meaning.capitalize() or measure.label}, over the finished runs. Mean ± half "
-            "its 95 % interval over the repetitions; p95: 95 % of the runs are at least as good.",
+            "its 95 % interval over the repetitions; p95: 95 % of the runs are at least as good. "
+            "Rank 1: the best, and all from which no difference is shown.",
             keys=2,
         )
         lower = measure.lower_is_better
@@ -109,11 +110,22 @@ def _summary_tables(answers: Sequence[TaskAnswer]) -> list[Table]:
     return tables
 
 
-def _summary_row(summary: Summary) -> tuple[str, ...]:
+def _summary_rows(evidence: TaskEvidence) -> list[tuple[str, ...]]:
+    """Return one row per controller, by rank; those without a valid run are last."""
+    best = evidence.best
+    order = [*best, *(s.controller for s in evidence.ranking if s.controller not in best)]
+    ranks = {name: "1" if name in best else str(k) for k, name in enumerate(order, 1)}
+    known = {s.controller: s for s in evidence.summaries}
+    names = [*order, *(name for name in known if name not in ranks)]
+    return [_summary_row(known[name], ranks.get(name, NO_VALUE)) for name in names]
+
+
+def _summary_row(summary: Summary, rank: str) -> tuple[str, ...]:
     factor = summary.measure.factor
     return (
         summary.task.label,
         summary.controller,
+        rank,
         _mean_cell(summary),
         *(number_text(factor * v) for v in (summary.median, summary.p95, summary.worst)),
         percent(summary.success_rate),
