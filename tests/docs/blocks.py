@@ -6,7 +6,7 @@ A mark is a comment on the line above a block, invisible on the page:
     <!-- test: with --plant kinematic -->   options that quick tests add to `run` and `compare`
     <!-- test: coppeliasim -->              a fake server replies at port 23000
     <!-- test: fails -->                    every command ends with a message, not with success
-    <!-- test: not run, needs a display --> only the names of the options are checked
+    <!-- test: not run, needs a display --> only options are checked, and Python code is parsed
     <!-- test: before
     code -->                                Python code that runs before the next block
 """
