@@ -23,10 +23,14 @@ from omnidrive.planning import PathOptions, Waypoint, plan, search
 from omnidrive.reference import Corridor, MotionLimits, time_within_limits
 from omnidrive.robot import named_robot
 from omnidrive.simulation.identification.response import response
+from omnidrive.study.block_runner import run_block
+from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.jobs import make_controller
 from omnidrive.study.planned_scenario import plan_scenario
+from omnidrive.study.run_plan import RunPlan
 from omnidrive.study.scenario import paper_scenario
 from omnidrive.study.study import NullProgress, ProgressListener
+from omnidrive.study.tasks import DurationsTask, Tasks
 from omnidrive.study.worker_pool import Call, Lost, WorkerPool
 
 
@@ -70,6 +74,7 @@ def _parts() -> list[Call]:
             Call(f"{name} ({preset})", partial(_control, preset, name))
             for preset, name in controllers
         ),
+        *(Call(f"studies ({plant})", partial(_study, plant)) for plant in ("planar", "kinematic")),
         Call("planning", _plans),
         Call("estimator", _estimate),
         Call("identification", _identify),
@@ -143,6 +148,16 @@ def _identify() -> None:
     response(
         named_robot("paper"), np.arange(3.0), np.zeros((3, 3)), (0.01, 0.01), 0.0, friction=0.5
     )
+
+
+def _study(plant: str) -> None:
+    """Simulate a block of runs of every controller with a compiled loop."""
+    scenario = paper_scenario("recommended").with_values(
+        plant=plant,
+        controllers=("pid", "feedforward", "holonomic-nmpc"),
+        tasks=Tasks(track=DurationsTask(durations=(20.0,))),
+    )
+    run_block(RunPlan(StudyDefinition.from_scenario(scenario))[:])
 
 
 def _batch() -> None:
