@@ -28,7 +28,11 @@ _TYPES = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/Twist")
 
 @dataclass(frozen=True, slots=True)
 class Ros2LinkSettings:
-    """Topics and frames of a robot in a graph of ROS 2."""
+    """Topics and frames of a robot in a graph of ROS 2.
+
+    Raises:
+        InvalidInput: A setting is out of range.
+    """
 
     frames: Frames = field(default_factory=Frames)
     """Names of the frames."""
@@ -52,6 +56,11 @@ class Ros2LinkSettings:
     timeout: Annotated[float, Bounds(0.1, 600.0, "s")] = 10.0
     """Time for which the robot is waited for, s."""
 
+    def __post_init__(self) -> None:
+        check_bounds(self)
+        if self.command_type is not None:
+            check_choice("command type", self.command_type, ("Twist", "TwistStamped"))
+
 
 class Ros2Link:
     """A robot that takes twists on ``/cmd_vel`` and reports its pose in the graph.
@@ -65,8 +74,7 @@ class Ros2Link:
         settings: Topics and frames.
 
     Raises:
-        InvalidInput: A setting is out of range, or the number of wheel joints is not that of the
-            wheels.
+        InvalidInput: The number of wheel joints is not that of the wheels.
     """
 
     def __init__(
@@ -75,9 +83,6 @@ class Ros2Link:
         robot: Robot,
         settings: Ros2LinkSettings = Ros2LinkSettings(),
     ) -> None:
-        check_bounds(settings)
-        if settings.command_type is not None:
-            check_choice("command type", settings.command_type, ("Twist", "TwistStamped"))
         if settings.wheel_joints and len(settings.wheel_joints) != len(robot.mounts):
             raise InvalidInput(
                 f"{len(settings.wheel_joints)} wheel joints, but the robot has "

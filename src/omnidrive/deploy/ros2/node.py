@@ -187,7 +187,6 @@ class Node:
         self._announced: dict[bytes, tuple[tuple[str, bytes], ...]] = {}
         self._topics: dict[str, Any] = {}
         self._held: list[Any] = []  # a writer that is collected leaves the domain
-        self._closing: list[Callable[[], None]] = []
         self.distribution: Distribution = distribution or self._detect()
         self._info = self._publisher(_DISCOVERY_TOPIC, _ENTITIES, _DISCOVERY_QOS, b"")
         self._infos = self._subscription(
@@ -270,14 +269,8 @@ class Node:
         participant = self._participant
         if participant is None:
             return
-        for each in self._closing:
-            each()
         participant.__del__()  # deletes the entity now, with all that it contains
         self._participant = None
-
-    def on_close(self, action: Callable[[], None]) -> None:
-        """Call a function before the node leaves the domain."""
-        self._closing.append(action)
 
     def __enter__(self) -> Node:
         """Return the node."""

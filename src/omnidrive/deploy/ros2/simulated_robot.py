@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 from math import floor, inf, isfinite
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -43,7 +43,11 @@ _TWIST_SIGMAS = (0.02, 0.02, 0.02)  # m/s, m/s, rad/s
 
 @dataclass(frozen=True, slots=True)
 class Ros2RobotSettings:
-    """Settings of a simulated robot in the graph."""
+    """Settings of a simulated robot in the graph.
+
+    Raises:
+        InvalidInput: A setting is out of range.
+    """
 
     rate: Annotated[float, Bounds(1.0, 1000.0, "Hz")] = 50.0
     """Rate of steps, odometry, transforms and joint states."""
@@ -57,6 +61,10 @@ class Ros2RobotSettings:
     """Whether ``/clock`` is published and stamps are simulated times."""
     scan: LidarSettings = field(default_factory=LidarSettings)
     """Laser scanner, which sees the map."""
+
+    def __post_init__(self) -> None:
+        check_bounds(self)
+        check_choice("type of /cmd_vel", self.command_type, get_args(CommandType))
 
 
 class Ros2Robot:
@@ -80,9 +88,6 @@ class Ros2Robot:
         commands: Number of commands that were executed.
         refused: Number of commands that were not: not finite, or too old.
         skipped: Number of steps that were left out because an earlier one took too long.
-
-    Raises:
-        InvalidInput: A setting is out of range.
     """
 
     def __init__(
@@ -96,8 +101,6 @@ class Ros2Robot:
         grid: OccupancyGrid | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        check_bounds(settings)
-        check_choice("type of /cmd_vel", settings.command_type, ("Twist", "TwistStamped"))
         self.node, self.plant, self.robot, self.settings = node, plant, robot, settings
         self.commands = self.refused = self.skipped = 0
         self._grid, self._rng = grid, rng or np.random.default_rng(0)
