@@ -22,6 +22,7 @@ from omnidrive.arrays import Array
 A = TypeVar("A", bound=Array)
 
 _populate_array: Any = populate_array  # Numba's modules are not typed
+_types: Any = types
 _Intrinsic = tuple[Any, Callable[..., Any]]
 
 
@@ -62,7 +63,7 @@ def _unsafe_array(_: Any, array: Any, begin: Any, shape: Any) -> _Intrinsic:
         lengths = [builder.extract_value(shape, k) for k in range(kind.ndim)]
         return _view_in(context, builder, (array, source), begin, (kind, lengths))
 
-    return kind(array, types.intp, types.UniTuple(types.intp, len(shape))), build
+    return kind(array, types.intp, _types.UniTuple(types.intp, len(shape))), build
 
 
 def _check_contiguous(array: Any) -> None:

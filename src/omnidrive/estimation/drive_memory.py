@@ -303,14 +303,15 @@ def _significant(value: float, variance: float, initial: float) -> float:
     """Return the initial value, plus the significant part of the difference from it."""
     difference = value - initial
     bound, square = _SIGNIFICANCE * _SIGNIFICANCE * variance, difference * difference
-    return initial + (1.0 - bound / square) * difference if square > bound else initial
+    share = 1.0 - bound / square if square > bound else 0.0
+    return float(initial + share * difference)
 
 
 @compiled
 def yaw_lag_variance(covariance: Float[Array, "5 5"]) -> float:
     """Return the variance of the lag in yaw."""
     sides = covariance[LAG, LAG] + covariance[YAW_LAG, YAW_LAG]
-    return max(sides + 2.0 * covariance[LAG, YAW_LAG], 0.0)
+    return float(max(sides + 2.0 * covariance[LAG, YAW_LAG], 0.0))
 
 
 @compiled
