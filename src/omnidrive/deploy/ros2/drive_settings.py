@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -174,17 +175,15 @@ def _specification(data: Mapping[str, Any], name: str) -> str:
 
 
 def _checked(name: str, value: Any, hint: Any) -> Any:
-    """Return a value of the type of its field."""
-    options = [each for each in get_args(hint) if each is not type(None)] or [hint]
-    if get_origin(hint) is Annotated:
-        options = [hint]
-    kind = options[0]
+    """Return a value of the type of its field; None is allowed where the field may be None."""
+    union = get_origin(hint) in {Union, UnionType}
+    kind = next((each for each in get_args(hint) if union and each is not NoneType), hint)
     if get_origin(kind) is Annotated:
         kind = get_args(kind)[0]
-    if get_origin(hint) is Literal or get_origin(kind) is Literal or isinstance(kind, str):
-        allowed = get_args(kind) if get_origin(kind) is Literal else tuple(options)
-        if value not in allowed:
-            raise InvalidInput(f"{name} is one of {', '.join(allowed)}, got {short_repr(value)}")
+    if get_origin(kind) is Literal:
+        if value not in get_args(kind):
+            allowed = ", ".join(get_args(kind))
+            raise InvalidInput(f"{name} is one of {allowed}, got {short_repr(value)}")
         return value
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
