@@ -54,9 +54,9 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
     from omnidrive.cli.study_execution import count_text
     from omnidrive.cli.terminal import print_json, show
     from omnidrive.study.claims import at_work
-    from omnidrive.study.run_experiment import load_study
     from omnidrive.study.run_plan import RunPlan
     from omnidrive.study.store import Store
+    from omnidrive.study.study_folder import load_study
 
     definition, until = load_study(folder, allow_code=True)
     planned = len(RunPlan(definition))
@@ -95,7 +95,7 @@ def resume(
     * `omnidrive study resume runs/friction`
     * `omnidrive study resume runs/paper-20260101-120000`
     """
-    from omnidrive.study.run_experiment import SCENARIO_FILE, load_study
+    from omnidrive.study.study_folder import SCENARIO_FILE, load_study
 
     definition, until = load_study(folder, allow_code=allow_code)
     if (folder / SCENARIO_FILE).is_file():

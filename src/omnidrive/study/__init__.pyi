@@ -30,7 +30,7 @@ from .planned_run import PlannedRun
 from .planned_scenario import PlannedScenario, plan_and_check, plan_scenario
 from .plants import make_plant
 from .queries import solve_queries
-from .run_experiment import load_study, run_experiment
+from .run_experiment import run_experiment
 from .run_plan import RunPlan, check_size
 from .run_record import RunRecord
 from .scenario import Scenario, map_scenario, paper_scenario
@@ -38,6 +38,7 @@ from .scenario_file import load_scenario, save_scenario
 from .scenario_sections import MapSection, RobotSection, SensorsSection, robot_section
 from .stored_study import StoredStudy, compare_studies, export_study, read_study, report_study
 from .study import ProgressListener, Study, run_study
+from .study_folder import load_study
 from .tasks import Tasks, study_tasks
 from .timing import one_task, plan_at, retime, with_task
 from .warm_up import warm_up

@@ -154,4 +154,5 @@ def _execute(setup: bytes, function: bytes, versions: dict[str, str]) -> bytes:
         if _set_up != [digest]:
             pickle.loads(setup)()
             _set_up[:] = [digest]
-        return cloudpickle.dumps(pickle.loads(function)())
+        result: bytes = cloudpickle.dumps(pickle.loads(function)())
+    return result

@@ -19,6 +19,7 @@ from omnidrive.study.heartbeat import Heartbeat
 from omnidrive.study.worker_pool import Call, Ended, Lost, WorkerPool
 
 Item = TypeVar("Item")
+Taken_co = TypeVar("Taken_co", covariant=True)
 Output = TypeVar("Output")
 
 ATTEMPTS = 3
@@ -32,10 +33,10 @@ _log = logging.getLogger("omnidrive")
 
 
 @runtime_checkable
-class Source(Protocol[Item]):
+class Source(Protocol[Taken_co]):
     """Items to be computed."""
 
-    def take(self, count: int) -> Sequence[Item] | None:
+    def take(self, count: int) -> Sequence[Taken_co] | None:
         """Return up to ``count`` items; empty: none at present; None: none is left."""
         ...
 
@@ -74,8 +75,6 @@ class Work(Generic[Item, Output]):
 @runtime_checkable
 class Pool(Protocol):
     """Processes that execute calls."""
-
-    size: int
 
     @property
     def free(self) -> int:

@@ -10,7 +10,7 @@ from math import ceil, isfinite
 from pathlib import Path
 from typing import Any
 
-from omnidrive.errors import CannotWrite, InvalidStore, one_line
+from omnidrive.errors import CannotWrite, one_line
 from omnidrive.evaluation.stop_rule import StopRule
 from omnidrive.files.output_file import create_folder, output_file, remove_abandoned
 from omnidrive.files.str_path import StrPath, to_path
@@ -22,14 +22,8 @@ from omnidrive.study.experiment import Experiment, Progress
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_plan import RunPlan, check_size
 from omnidrive.study.run_record import RunRecord
-from omnidrive.study.scenario_file import load_scenario
-from omnidrive.study.store import FILE, Store
-
-DEFINITION_FILE = "study.yaml"
-"""Name of the definition in the folder of a study."""
-
-SCENARIO_FILE = "scenario.yaml"
-"""Name of the scenario in the folder of a study of one scenario, which keeps all logs."""
+from omnidrive.study.store import Store
+from omnidrive.study.study_folder import DEFINITION_FILE
 
 MAX_SEQUENTIAL = 10_000
 """Largest number of repetitions that a stop rule may ask for, by default."""
@@ -99,30 +93,6 @@ def run_experiment(
         scheduler=scheduler,
     )
     return path
-
-
-def load_study(folder: StrPath, *, allow_code: bool = False) -> tuple[StudyDefinition, str]:
-    """Return the definition in the folder of a study, and its stop rule as text, or "".
-
-    Args:
-        folder: The folder.
-        allow_code: See :func:`~omnidrive.study.load_definition`.
-
-    Raises:
-        InvalidStore: The folder holds no study, or a damaged one.
-        InvalidInput: The definition, or the scenario of a study of one scenario, is invalid.
-    """
-    path = to_path(folder)
-    if (path / SCENARIO_FILE).is_file():
-        scenario = load_scenario(path / SCENARIO_FILE, allow_code=allow_code)
-        return StudyDefinition.from_scenario(scenario, series="all"), ""
-    if not (path / DEFINITION_FILE).is_file():
-        raise InvalidStore(f"there is no study in {one_line(str(path))}: no file {DEFINITION_FILE}")
-    definition = load_definition(path / DEFINITION_FILE, allow_code=allow_code)
-    if not (path / FILE).is_file():
-        return definition, ""
-    with Store(path, read_only=True) as store:
-        return definition, store.fact("until") or ""
 
 
 def definition_hash(definition: StudyDefinition, plan: RunPlan) -> str:

@@ -25,11 +25,11 @@ from omnidrive.evaluation.table import Table
 from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.definition import StudyDefinition
-from omnidrive.study.run_experiment import DEFINITION_FILE, SCENARIO_FILE, load_study
 from omnidrive.study.run_key import VERSIONS, plan_digest
 from omnidrive.study.run_plan import RunPlan
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.store import Store
+from omnidrive.study.study_folder import DEFINITION_FILE, SCENARIO_FILE, load_study
 
 EXPORT_SUFFIXES = (".csv", ".parquet")
 """Suffixes of exported tables."""
