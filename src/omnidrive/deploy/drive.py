@@ -112,15 +112,7 @@ def drive(
     check_number("rate", rate, RATES)
     dt = 1.0 / rate
     check_controller(pipeline.controller, dt)
-    if start is not None:
-        check_start(start)
-    elif not link.capabilities.measures_pose:
-        raise InvalidInput("this link measures no pose: give the start of the robot, x, y and yaw")
-    if not link.capabilities.measures_pose and isinstance(pipeline.estimator, LatestFix):
-        raise InvalidInput(
-            "this link measures no pose: the pipeline needs an estimator that reckons from the "
-            "wheels, such as PoseEstimator"
-        )
+    _check_pose(link, pipeline, start)
     _warm_up(pipeline, reference, dt, len(link.robot.mounts))
     loop = _Loop(
         link, pipeline, reference, dt, start, controls or DriveControls(arm=True),
@@ -135,6 +127,21 @@ def drive(
         tuple(measures),
         loop.gate.limited,
     )
+
+
+def _check_pose(link: RobotLink, pipeline: Pipeline, start: Pose | None) -> None:
+    """Raise InvalidInput unless the pose is known at the start and later."""
+    if start is not None:
+        check_start(start)
+    if link.capabilities.measures_pose:
+        return
+    if start is None:
+        raise InvalidInput("this link measures no pose: give the start of the robot, x, y and yaw")
+    if isinstance(pipeline.estimator, LatestFix):
+        raise InvalidInput(
+            "this link measures no pose: the pipeline needs an estimator that reckons from the "
+            "wheels, such as PoseEstimator"
+        )
 
 
 @contextmanager

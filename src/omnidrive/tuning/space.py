@@ -19,7 +19,7 @@ from omnidrive.choices import PresetName
 from omnidrive.components import Configured, plain
 from omnidrive.components.fields import field_names
 from omnidrive.errors import InvalidInput, one_line, suggestion
-from omnidrive.parameter import Bounds, is_number
+from omnidrive.parameter import Bounds, check_choice, is_number
 
 RATIO = 1.5
 """Factor of one scaled unit of a parameter with a logarithmic scale."""
@@ -141,6 +141,7 @@ def parameter_space(
         InvalidInput: A pattern matches no parameter, a range is not within the bounds, or nothing
             is left to tune.
     """
+    check_choice("preset", preset, get_args(PresetName))
     resolved = controller.resolved(preset)
     found = _dimensions(type(resolved.parameters), resolved.parameters, "")
     if not found:

@@ -132,7 +132,7 @@ def equal_budget(
         CannotWrite: See :func:`tune`.
         MissingExtra: The extra `tuning` is not installed.
     """
-    scenario = definition.scenario
+    folder, scenario = to_path(folder), definition.scenario
     seed = (scenario.seed + _BUDGET_SEED) % 2**53
     base = scenario.model_copy(update={"seed": seed})
     controllers = dict(scenario.controllers)
@@ -140,7 +140,7 @@ def equal_budget(
         if not tunable(controller, scenario.preset):
             continue
         settings = TuningSettings(controller=label, trials=trials)
-        tuning, path = Tuning.of(base, settings), to_path(folder) / label
+        tuning, path = Tuning.of(base, settings), folder / label
         _prepare_folder(tuning, path)
 
         def labelled(part: str, done: int, total: int, best: str, label: str = label) -> None:

@@ -194,8 +194,7 @@ def correct(  # noqa: PLR0917
             negative: unknown, so that the variance is estimated from the innovations.
         dt: Sample time, in s.
         shares: Of wheels at the friction limit, as :func:`predict` returns them. While wheels slip,
-            the error of the model is no disturbance. If they go on to slip, the disturbance may
-            be wrong; then it is corrected towards zero.
+            the disturbance is constant; if they go on to slip, it may decrease.
         steady: Whether the disturbance may be corrected.
     """
     yaw = memory.pose[2]
