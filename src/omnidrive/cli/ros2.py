@@ -236,17 +236,29 @@ def _settings(
     return Ros2RobotSettings(rate=rate, speed=speed, command_type=given or usual, clock=clock)
 
 
+_ReferenceOption = Annotated[
+    str | None,
+    option(
+        "NAME[,KEY=VALUE...]|FILE",
+        "Drive this motion once: a waypoint file, or a shape from the robot's pose on, such as "
+        "circle or eight [default: follow /plan and /goal_pose].",
+        complete=component("references"),
+    ),
+]
+_ServeOption = Annotated[
+    bool,
+    flag(
+        "Serve the action follow_path and the lifecycle of the node, as the controller server of "
+        "Nav2; other nodes need rmw_cyclonedds.",
+        None,
+        "--serve",
+    ),
+]
+
+
 @ros2.command()
 def drive(
-    reference: Annotated[
-        str | None,
-        option(
-            "NAME[,KEY=VALUE...]|FILE",
-            "Drive this motion once: a waypoint file, or a shape from the robot's pose on, such as "
-            "circle or eight [default: follow /plan and /goal_pose].",
-            complete=component("references"),
-        ),
-    ] = None,
+    reference: _ReferenceOption = None,
     params: Annotated[
         Path | None, option("FILE.yaml", "Parameters, in the form of ROS 2 parameter files.")
     ] = None,
@@ -268,15 +280,7 @@ def drive(
     use_sim_time: Annotated[
         bool | None, flag("Use the time of /clock.", None, "--use-sim-time")
     ] = None,
-    serve: Annotated[
-        bool,
-        flag(
-            "Serve the action follow_path and the lifecycle of the node, as the controller server "
-            "of Nav2; other nodes need rmw_cyclonedds.",
-            None,
-            "--serve",
-        ),
-    ] = False,
+    serve: _ServeOption = False,
     node_name: Annotated[str, option("NAME", "Name of the node.")] = "omnidrive_drive",
     drives: Annotated[
         int | None, option("N", "Number of paths and goals [default: until stopped].", least=1)
