@@ -19,12 +19,15 @@ from omnidrive.tuning import (
     default_sets,
     equal_budget,
     load_tuning,
+    parse_objective,
     stored_runs,
     tune,
     write_tuning,
 )
 from omnidrive.tuning.run_sets import RunSets, check_apart
+from omnidrive.tuning.tune import _shows_gain
 from tests.command import omnidrive
+from tests.tuning.synthetic import record
 
 
 def scenario(**changes):
@@ -139,6 +142,18 @@ def test_folder_of_another_tuning_is_refused(tmp_path):
     (other / "notes.txt").write_text("mine")
     with pytest.raises(CannotWrite, match="is not empty"):
         tune(small(trials=2), other)
+
+
+def test_gain_that_validation_does_not_show_is_not_taken():
+    objective = parse_objective("me")
+
+    def runs(values, repetitions):
+        return [record(k, repetition=k % repetitions, me=me) for k, me in enumerate(values)]
+
+    assert _shows_gain(runs([0.03, 0.03], 1), runs([0.02, 0.029], 1), objective)
+    assert not _shows_gain(runs([0.03, 0.03], 1), runs([0.01, 0.031], 1), objective)
+    assert _shows_gain(runs([0.030, 0.031], 2), runs([0.020, 0.0211], 2), objective)
+    assert not _shows_gain(runs([0.03, 0.03], 2), runs([0.01, 0.031], 2), objective)
 
 
 def test_equal_budget_tunes_every_controller(tmp_path):

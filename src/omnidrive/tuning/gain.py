@@ -14,6 +14,8 @@ from omnidrive.evaluation.uncertainty import MeanEstimate
 from omnidrive.study.run_record import RunRecord
 from omnidrive.tuning.objective import Objective, metric_value
 
+BETTER = "better"
+
 METRICS = ("me", "mae", "max_error", "wheel_acceleration", "step_time_median")
 """Metrics whose change on the held-out set is reported, besides the objectives."""
 
@@ -58,7 +60,7 @@ class Gain(NamedTuple):
         """Whether the interval excludes zero: better, worse or no difference shown."""
         _, low, high = self.relative
         if high < 0.0 and low < -_NEGLIGIBLE:
-            return "better"
+            return BETTER
         return "worse" if low > 0.0 and high > _NEGLIGIBLE else "no difference shown"
 
 

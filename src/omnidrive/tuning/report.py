@@ -35,8 +35,8 @@ def lead(result: TuningResult) -> str:
     label = result.tuning.settings.controller
     if result.chosen.number == 0:
         return (
-            f"No trial is better than the values of {label} before tuning, which are kept "
-            f"({len(result.search.trials)} trials)."
+            f"No trial shows a gain over the values of {label} before tuning on other motions than "
+            f"those of training; these values are kept ({len(result.search.trials)} trials)."
         )
     if not result.held_out.gains:
         return f"{label} is tuned, but no held-out run finished before and after tuning."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -95,8 +96,39 @@ def _definition(
     return parse_definition(data, f"the {name} set")
 
 
+def validation_set(training: StudyDefinition) -> StudyDefinition:
+    """Return the runs on which the best trials are compared: with other seeds and motions.
+
+    A planned path is driven there in 1.1 and 1.5 times the duration; other references are the
+    slalom, the raised cosine and that of training in 1.5 times the duration. A training set with
+    axes of its own keeps them.
+    """
+    scenario = training.scenario
+    seed = (scenario.seed + _VALIDATION_SEED) % _SEEDS
+    repetitions = training.repetitions * (_MORE_REPETITIONS if training.repetitions > 1 else 1)
+    other = replace(
+        training,
+        scenario=scenario.model_copy(update={"seed": seed}),
+        repetitions=repetitions,
+    )
+    if training.axes:
+        return other
+    slow = _durations(scenario, 1.5)
+    if scenario.reference == "path":
+        cases = {"slower": _durations(scenario, 1.1), "slow": slow}
+    else:
+        cases = {"slow": slow, **_shape_cases(scenario, ("slalom", "raised-cosine"))}
+    moved = _definition("validation", other.scenario, {"motion": {"cases": cases}}, {}, 1)
+    return replace(moved, random=training.random, repetitions=repetitions)
+
+
+_VALIDATION_SEED = 2**42
+_MORE_REPETITIONS = 3
+
+
 def _references(scenario: Scenario) -> dict[str, Any]:
     """Return the axis of the references of the held-out set."""
+    cases: dict[str, Any]
     if scenario.reference == "path":
         slower = _durations(scenario, _SLOWER)
         assert scenario.start is not None
@@ -104,18 +136,23 @@ def _references(scenario: Scenario) -> dict[str, Any]:
         back = {"start": [*scenario.goal[:2], None], "goal": [*scenario.start[:2], None]}
         cases = {"slower": slower, "back": {**back, **slower}}
     else:
-        cases = {}
-        for shape in _SHAPES:
-            if shape != scenario.reference.type:
-                shaped = scenario.with_values(reference={"type": shape}, start=None, map=_NO_MAP)
-                timed = retime(shaped)
-                cases[shape] = {
-                    "reference": {"type": shape},
-                    "map": _NO_MAP,
-                    "start": None,
-                    **_durations(timed, 1.0),
-                }
+        cases = _shape_cases(scenario, _SHAPES)
     return {"motion": {"cases": cases}}
+
+
+def _shape_cases(scenario: Scenario, shapes: Sequence[str]) -> dict[str, Any]:
+    """Return the cases of references other than that of the scenario, on an open floor."""
+    cases = {}
+    for shape in shapes:
+        if scenario.reference == "path" or shape != scenario.reference.type:
+            shaped = scenario.with_values(reference={"type": shape}, start=None, map=_NO_MAP)
+            cases[shape] = {
+                "reference": {"type": shape},
+                "map": _NO_MAP,
+                "start": None,
+                **_durations(retime(shaped), 1.0),
+            }
+    return cases
 
 
 _NO_MAP = {"source": "none"}

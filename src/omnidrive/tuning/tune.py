@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from hashlib import sha256
 from json import dumps
 from pathlib import Path
@@ -26,7 +25,7 @@ from omnidrive.study import (
 )
 from omnidrive.study.run_record import TIMING
 from omnidrive.study.store import Store
-from omnidrive.tuning.gain import HeldOut, held_out_gain
+from omnidrive.tuning.gain import BETTER, HeldOut, held_out_gain
 from omnidrive.tuning.objective import Objective
 from omnidrive.tuning.problem import (
     HELD_OUT_FILE,
@@ -37,7 +36,7 @@ from omnidrive.tuning.problem import (
     identity,
     load_tuning,
 )
-from omnidrive.tuning.run_sets import with_controllers
+from omnidrive.tuning.run_sets import validation_set, with_controllers
 from omnidrive.tuning.search import Budget, SearchResult, Trial, best_trial, score_of, search
 from omnidrive.tuning.space import tunable
 from omnidrive.tuning.stored_runs import RunEvaluator
@@ -46,7 +45,6 @@ BEFORE, TUNED = "before", "tuned"
 """Labels of the controllers of the held-out study."""
 
 _CONFIRMED = 3  # best trials that are repeated with more repetitions
-_MORE_REPETITIONS = 3  # factor of the repetitions
 
 
 class TuningResult(NamedTuple):
@@ -79,9 +77,10 @@ def tune(
 ) -> TuningResult:
     """Search for better parameters, confirm the best ones, and measure the gain.
 
-    The best trials of one objective are repeated with three times the repetitions, and the best of
-    these is chosen, or the values before tuning if they are as good. Only then the held-out runs
-    are simulated, with the chosen parameters and with those before tuning.
+    The best trials of one objective are compared on validation runs with other seeds and motions,
+    and the best of these is chosen, or the values before tuning if no gain is shown there.
+    Only then the held-out runs are simulated, with the chosen parameters and with those before
+    tuning.
 
     Every run is stored: a call with the same settings and folder continues where an interrupted one
     ended; ``trials`` and ``minutes`` may differ.
@@ -209,15 +208,14 @@ class _Candidates:
 
     def __call__(self, controllers: Sequence[Configured]) -> list[list[RunRecord]]:
         """Return the training runs of each controller."""
-        return self.repeated(controllers, self._training.repetitions)
+        return self.on(self._training, controllers)
 
-    def repeated(
-        self, controllers: Sequence[Configured], repetitions: int
+    def on(
+        self, definition: StudyDefinition, controllers: Sequence[Configured]
     ) -> list[list[RunRecord]]:
-        """Return the training runs of each controller with a number of repetitions."""
-        training = replace(self._training, repetitions=repetitions)
+        """Return the runs of each controller in a study."""
         plans = [
-            list(RunPlan(with_controllers(training, {self._label: each}))) for each in controllers
+            list(RunPlan(with_controllers(definition, {self._label: each}))) for each in controllers
         ]
         runs = []
         for run in (run for plan in plans for run in plan):
@@ -231,20 +229,38 @@ class _Candidates:
 
 
 def _confirmed(tuning: Tuning, found: SearchResult, candidates: _Candidates) -> Trial:
-    """Return the best of the first trial and the best ones, from more repetitions than before.
+    """Return the best of the best trials on the validation runs, or the first trial.
 
-    A trial that is only as good as the first one is not chosen.
+    A trial is chosen only if it shows a gain over the values before tuning on these runs: the best
+    of many trials on few runs is partly luck, or fits their motion alone.
     """
     first = found.trials[0]
     ordered = sorted(found.trials, key=lambda each: each.score.order)
     chosen = [first, *(each for each in ordered[:_CONFIRMED] if each is not first)]
     made = [tuning.space.controller_with(each.values) for each in chosen]
     valid = [(trial, each) for trial, each in zip(chosen, made, strict=True) if each is not None]
-    repetitions = _MORE_REPETITIONS * tuning.sets.training.repetitions
-    runs = candidates.repeated([each for _, each in valid], repetitions)
+    runs = candidates.on(validation_set(tuning.sets.training), [each for _, each in valid])
     scores = [score_of(each, tuning.objectives, tuning.limits) for each in runs]
-    best = min(range(len(valid)), key=lambda k: scores[k].order)  # the first of equal ones
-    return valid[best][0]
+    for k in sorted(range(1, len(valid)), key=lambda k: scores[k].order):
+        if scores[0].violation > scores[k].violation:
+            return valid[k][0]
+        if scores[k].violation > scores[0].violation:
+            continue
+        if _shows_gain(runs[0], runs[k], tuning.objectives[0]):
+            return valid[k][0]
+    return first
+
+
+def _shows_gain(
+    before: Sequence[RunRecord], after: Sequence[RunRecord], objective: Objective
+) -> bool:
+    """Return whether the interval of a gain excludes zero or, of one repetition, all runs gain."""
+    gains = held_out_gain(before, after, [objective]).gains
+    if gains and gains[0].verdict == BETTER:
+        return True
+    pairs = zip(before, after, strict=True)
+    single = len({each.repetition for each in after}) == 1
+    return single and all(objective.value([b]) < objective.value([a]) for a, b in pairs)
 
 
 def _held_out_records(
