@@ -10,7 +10,7 @@ DT = 0.01
 WEIGHTS = np.array([90.0, 90.0, 40.0])
 
 
-def targets(robot, start, twist, goal, count=400, reserve=1.0, reached=1.0):
+def targets(robot, start, twist, goal, count=400, reserve=1.0, reached=1.0, prompt=1.0):
     found = np.empty((count, 3))
     approach(
         np.array(start),
@@ -24,6 +24,7 @@ def targets(robot, start, twist, goal, count=400, reserve=1.0, reached=1.0):
         0.0,
         reserve,
         reached,
+        prompt,
         found,
     )
     return found
@@ -90,3 +91,11 @@ def test_robot_that_reaches_half_the_acceleration_brakes_half_as_hard():
     accelerations = np.diff(found, n=2) / DT**2
     assert accelerations.max() == pytest.approx(limit, rel=0.03)
     assert accelerations.min() > -0.5 * limit
+
+
+def test_delayed_response_limits_the_ratio_of_speed_to_distance():
+    robot = named_robot("small")
+    found = targets(robot, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.8), prompt=0.33)[:, 2]
+    left, speeds = 0.8 - found[:-1], np.diff(found) / DT
+    far = left > 0.05  # in the last cell of the path the acceleration is constant
+    assert (speeds[far] / left[far]).max() == pytest.approx(0.33 * 8.5, rel=0.03)

@@ -198,6 +198,23 @@ def test_reference_that_ends_in_motion_is_followed_to_its_end():
     assert max(errors[-5:]) < 1e-3
 
 
+@pytest.mark.parametrize(("name", "overshoot"), [("paper", 0.05), ("mecanum", 0.06)])
+def test_turn_overshoots_little_with_late_commands(name, overshoot):
+    """The plant is the slip model with commands that are one sample later than it tells."""
+    robot, dt, target = named_robot(name), 0.1, 0.8
+    controller = holonomic_nmpc(robot.chassis, dt, actuation=Actuation.of(robot))
+    model, yaws = SlipModel.of(robot), []
+    pose, twist, late = Pose(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    controller.reset(State(0.0, pose))
+    for k in range(40):
+        command = controller.step(dt * k, State(dt * k, pose), Hold(Pose(0.0, 0.0, target), 9.0))
+        mean, twist = slip_response(model, twist, late, dt)
+        pose, late = move(pose, BodyTwist(*mean), dt), tuple(command.twist)
+        yaws.append(pose.yaw)
+    assert max(yaws) < (1.0 + overshoot) * target
+    assert abs(yaws[-1] - target) < 0.05 * target
+
+
 @pytest.mark.parametrize("friction", [1.0, 0.4])
 def test_step_does_not_overshoot_on_a_slippery_floor(friction):
     """The plant is the slip model with another friction limit, which the controller observes."""

@@ -35,6 +35,7 @@ def approach(  # noqa: PLR0917
     lead: float,
     reserve: float,
     reached: float,
+    prompt: float,
     targets: Float[Array, "points 3"],
 ) -> None:
     """Fill in targets ``dt`` (s) apart along the straight line from ``start`` to ``target``.
@@ -60,13 +61,14 @@ def approach(  # noqa: PLR0917
         reserve: Largest acceleration over those limits, at least 1.
         reached: Share of the acceleration that the robot reaches, 0 to 1; braking, and the ratio of
             speed to distance, are reduced by it.
+        prompt: Factor of the ratio of speed to distance for a delayed response, up to 1.
         targets: Output; poses in W, the first of which is near ``start``.
     """
     error = (start[0] - target[0], start[1] - target[1], start[2] - target[2])
     accelerations, squared = _limits(start[2], error, faces, wheels, max_wheel_speed)
     braking = _BRAKING * reserve * reached
     for i in range(_CELLS + 1):
-        rate = _RATE * reached * (1.0 - i / _CELLS)
+        rate = _RATE * min(reached, prompt) * (1.0 - i / _CELLS)
         squared[i] = min(squared[i], rate * rate)
     for i in range(_CELLS - 1, -1, -1):
         reachable = squared[i + 1] + 2.0 * braking * accelerations[i] / _CELLS

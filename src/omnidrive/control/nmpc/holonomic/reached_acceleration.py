@@ -1,4 +1,4 @@
-"""Share of the planned acceleration that the robot reaches."""
+"""Share of the planned acceleration that the robot reaches, and how promptly it does."""
 
 from __future__ import annotations
 
@@ -19,7 +19,12 @@ _DEFICIT = 0.8
 _HARD = 0.3
 """Least share of the limits of acceleration at which a deficit is evidence."""
 _RISE, _REACTION, _OBLIVION = 0.04, 0.1, 20.0
-"""Time constants in s, of reductions, and of the return to the assumed share."""
+"""Time constants in s: of rises, of reductions, and of the return to the assumed share."""
+_PROMPT, _DELAYED = 0.5, 0.4
+"""Acceleration over the predicted one, from which on the response is prompt, and below which it is
+delayed."""
+_LEAST_PROMPTNESS, _DELAY_OBLIVION = 0.33, 10.0
+"""Promptness of a delayed response, and time constant in s with which a delay is forgotten."""
 _NOISE_RATIO = 25.0
 """Least square of the displacement by acceleration over the variance of the measured position."""
 
@@ -28,6 +33,12 @@ _NOISE_RATIO = 25.0
 def reached_share(memory: MotionMemory) -> float:
     """Return the share of the limits of acceleration that the robot reaches, 0 to 1."""
     return _ASSUMED + float(memory.reached[0])
+
+
+@compiled
+def promptness(memory: MotionMemory) -> float:
+    """Return the factor of speed per distance for a response that may be delayed, up to 1."""
+    return 1.0 - (1.0 - _LEAST_PROMPTNESS) * float(memory.reached[1])
 
 
 @compiled
@@ -44,7 +55,8 @@ def update_reached(  # noqa: PLR0917
 
     On a slippery floor the robot accelerates less than the model predicts as long as more is
     demanded. The share follows such deficits within a tenth of a second, and rises at once where
-    the robot is seen to accelerate more: a motor lag is a deficit for a moment only.
+    the robot is seen to accelerate more: a motor lag is a deficit for a moment only. A large one
+    shows a lag or a delay that the model does not have, and is remembered for seconds.
 
     Args:
         model: The model.
@@ -73,6 +85,10 @@ def update_reached(  # noqa: PLR0917
             change += faces[j, a] * (memory.twist[a] - twist[a])
         load = max(load, abs(change) / dt)
     share = 1.0 - missing / expected
+    memory.reached[1] *= 1.0 - dt / _DELAY_OBLIVION
+    if load > _HARD:
+        delayed = min(max((_PROMPT - share) / (_PROMPT - _DELAYED), 0.0), 1.0)
+        memory.reached[1] = max(memory.reached[1], delayed)
     reached = min(max(share, 0.0), 1.0) * min(load, 1.0)
     change = max(reached, _LEAST) - reached_share(memory)
     if load > _HARD and (change > 0.0 or share < _DEFICIT):

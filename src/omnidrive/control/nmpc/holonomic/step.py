@@ -34,7 +34,11 @@ from omnidrive.control.nmpc.holonomic.motion_observer import (
 )
 from omnidrive.control.nmpc.holonomic.pose_noise import NOISY
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.control.nmpc.holonomic.reached_acceleration import reached_share, update_reached
+from omnidrive.control.nmpc.holonomic.reached_acceleration import (
+    promptness,
+    reached_share,
+    update_reached,
+)
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, compensate, predict_change
 from omnidrive.control.nmpc.holonomic.solution import assess
 from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constraints
@@ -242,13 +246,14 @@ def _approach_target(
 ) -> bool:
     """Replace a standing target by an approach, unless the free plan is one well within limits."""
     target = (p.targets[0, 0], p.targets[0, 1], p.targets[0, 2])
-    lead = _lead(robot, p, twist)
+    lead, prompt = _lead(robot, p, twist), promptness(memory)
     free = unconstrained_velocities(p)
     if not violates_constraints(p, free):
         vx, vy, rate = free[0]
         ahead, left = arc_twist(p.dt, p.start[2], vx, vy, rate)
-        change = (ahead - twist[0], left - twist[1], rate - twist[2])
-        if _load(robot.faces, change) <= _GENTLE * (0.5 * p.dt + lead):
+        share = prompt * prompt  # a gentle change is not yet a near target if it acts too late
+        change = (ahead - share * twist[0], left - share * twist[1], rate - share * twist[2])
+        if _load(robot.faces, change) <= _GENTLE * share * (0.5 * p.dt + lead):
             return False
     approach(
         p.start,
@@ -262,6 +267,7 @@ def _approach_target(
         lead,
         robot.reserve,
         reached_share(memory),
+        prompt,
         p.targets,
     )
     for k in range(len(p.feedforward)):
