@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -138,24 +139,16 @@ def tune(
     from omnidrive.cli.tables import print_tables
     from omnidrive.cli.terminal import conclude
 
-    budget = {"trials": trials, "minutes": minutes}
     folder = Path(shared.scenario)
+    given: dict[str, Any] = {"trials": trials, "minutes": minutes}
     if (folder / "tuning.yaml").is_file():
-        problem = tuning.load_tuning(folder, allow_code=shared.allow_code, **budget)
+        problem = tuning.load_tuning(folder, allow_code=shared.allow_code, **given)
     else:
         scenario, label = _with_controller(shared.resolve(), controller)
-        settings = {
-            "controller": label,
-            "objectives": objective,
-            "limits": limit,
-            "parameters": parameters.split(",") if parameters else None,
-            "ranges": dict(map(_range, range or ())) or None,
-            "seed": scenario.seed % 2**32,
-            **budget,
-        }
+        given |= {"objectives": objective, "limits": limit, "parameters": parameters}
         problem = tuning.Tuning.of(
             scenario,
-            tuning.settings_of(settings),
+            tuning.settings_of(_settings(scenario, label, range or (), given)),
             training=_study(training, shared),
             held_out=_study(held_out, shared),
         )
@@ -205,6 +198,20 @@ def _with_controller(scenario: study.Scenario, text: str | None) -> tuple[study.
             f"--controller is needed: the scenario has {', '.join(scenario.controllers)}"
         )
     return scenario, next(iter(scenario.controllers))
+
+
+def _settings(
+    scenario: study.Scenario, label: str, ranges: Sequence[str], given: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the settings of tuning; None: the default."""
+    patterns = given["parameters"]
+    return {
+        **given,
+        "controller": label,
+        "parameters": patterns.split(",") if patterns else None,
+        "ranges": dict(map(_range, ranges)) or None,
+        "seed": scenario.seed % 2**32,
+    }
 
 
 def _range(text: str) -> tuple[str, tuple[float, float]]:
