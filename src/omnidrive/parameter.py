@@ -54,7 +54,7 @@ def bounds_of(params: type[Any]) -> dict[str, Bounds]:
 
 
 @cache  # evaluating the annotations takes a fifth of a millisecond
-def _bounds_of(params: type[Any]) -> dict[str, Bounds]:
+def _bounds_of(params: Any) -> dict[str, Bounds]:
     hints = get_type_hints(params, include_extras=True)
     return {
         name: meta

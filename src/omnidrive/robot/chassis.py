@@ -148,7 +148,8 @@ class Chassis:
         """
         speeds: Float[Array, "*many wheels"] = twists @ self.jacobian.T
         peak = np.abs(speeds).max(axis=-1, keepdims=True)
-        return speeds * np.minimum(1.0, self.max_wheel_speed / np.maximum(peak, 1e-300))
+        speeds *= np.minimum(1.0, self.max_wheel_speed / np.maximum(peak, 1e-300))
+        return speeds
 
 
 def _rows(mounts: Sequence[Mount], wheel_radius: float) -> Float[Array, "wheels 3"]:
