@@ -13,7 +13,7 @@ from rich.text import Text
 
 from omnidrive.cli.compile_status import displays
 from omnidrive.cli.options import available_cores
-from omnidrive.cli.terminal import conclude, encodable, is_quiet, show
+from omnidrive.cli.terminal import conclude, count_text, encodable, is_quiet, show
 from omnidrive.evaluation.stop_rule import StopRule
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.experiment import Progress
@@ -149,10 +149,3 @@ def _duration_text(seconds: float) -> str:
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
-
-
-def count_text(outcomes: dict[str, int]) -> str:
-    """Return numbers of runs by outcome, the finished ones first."""
-    rest = {name.replace("_", " "): n for name, n in outcomes.items() if name != "finished"}
-    parts = [f"{outcomes.get('finished', 0):,} finished"]
-    return ", ".join([*parts, *(f"{count:,} {name}" for name, count in rest.items())])

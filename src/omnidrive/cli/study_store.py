@@ -51,8 +51,7 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
 
     * `omnidrive study status runs/friction`
     """
-    from omnidrive.cli.study_execution import count_text
-    from omnidrive.cli.terminal import print_json, show
+    from omnidrive.cli.terminal import count_text, print_json, show
     from omnidrive.study.claims import at_work
     from omnidrive.study.run_plan import RunPlan
     from omnidrive.study.store import Store

@@ -115,3 +115,10 @@ def quiet_option() -> Any:
     app = typer.Typer(add_completion=False)
     app.command()(declaration)
     return typer.main.get_command(app).params[0]
+
+
+def count_text(outcomes: dict[str, int]) -> str:
+    """Return numbers of runs by outcome, the finished ones first."""
+    rest = {name.replace("_", " "): n for name, n in outcomes.items() if name != "finished"}
+    parts = [f"{outcomes.get('finished', 0):,} finished"]
+    return ", ".join([*parts, *(f"{count:,} {name}" for name, count in rest.items())])
