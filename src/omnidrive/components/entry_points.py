@@ -8,8 +8,8 @@ in the same way.
 from __future__ import annotations
 
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
-from typing import Literal, get_args
+from importlib.metadata import entry_points
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 from omnidrive.errors import InvalidInput, suggestion
 
@@ -18,6 +18,33 @@ GROUPS: tuple[Group, ...] = get_args(Group)
 """Groups of components; the entry points of a group are those of ``omnidrive.GROUP``."""
 
 _OWN = "omnidrive"
+
+
+@runtime_checkable
+class EntryPoint(Protocol):
+    """An entry point of importlib.metadata.
+
+    Once some package imports importlib_metadata, as Dask does, it is one of that package.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name of the component."""
+        ...
+
+    @property
+    def value(self) -> str:
+        """Where its code is, as ``module:name``."""
+        ...
+
+    @property
+    def dist(self) -> Any:
+        """Distribution that declares it, or None."""
+        ...
+
+    def load(self) -> Any:
+        """Import the code."""
+        ...
 
 
 def noun(group: str) -> str:
@@ -58,4 +85,5 @@ def _order(entry: EntryPoint) -> tuple[bool, str]:
 
 def distribution_of(entry: EntryPoint) -> str:
     """Return the name of the distribution that declares an entry point."""
-    return entry.dist.name if entry.dist else ""
+    name: str = entry.dist.name if entry.dist else ""
+    return name

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
 from importlib import import_module
-from importlib.metadata import EntryPoint
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -15,6 +14,7 @@ from typing import Any
 
 from omnidrive.components.component import Component, failure_text
 from omnidrive.components.entry_points import (
+    EntryPoint,
     Group,
     component_names,
     distribution_of,
