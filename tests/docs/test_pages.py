@@ -80,7 +80,7 @@ def test_wrong_code_and_wrong_output_are_found(runner, tmp_path):
         ("<!-- test: fails -->\n```sh\nomnidrive --version\n```", "AssertionError"),
         ("```sh\npip install 'omnidrive[nonsense]'\n```", "nonsense"),
         ("```yaml\nnonsense: 1\n```", "nonsense"),
-        ("```c\nint i;\n```", "cannot be tested"),
+        ("```rust\nlet i;\n```", "cannot be tested"),
     ):
         page.write_text(text)
         with pytest.raises(AssertionError, match=reason):
