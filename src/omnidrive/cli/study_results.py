@@ -6,11 +6,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from omnidrive import study
 from omnidrive.cli.options import available_cores
 from omnidrive.cli.progress import LiveProgress
 from omnidrive.cli.tables import print_tables
 from omnidrive.cli.terminal import conclude, show, warn
-from omnidrive.study import Scenario, Study, run_study
+from omnidrive.study import Scenario, Study
 
 
 def run_and_print(
@@ -38,7 +39,7 @@ def run_and_print(
         OmnidriveError: See :func:`~omnidrive.study.run_study`.
     """
     with LiveProgress() as progress:
-        done = run_study(
+        done = study.run_study(
             scenario,
             folder,
             processes=jobs or available_cores(),
