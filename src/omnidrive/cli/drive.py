@@ -114,6 +114,7 @@ def _keys(controls: DriveControls, *, armed: bool) -> Iterator[None]:
         show("press a and Enter to arm the robot, Enter to stop it")
 
     def listen() -> None:
+        """Read lines until one stops the robot."""
         for line in sys.stdin:
             if line.strip() == "a":
                 controls.arm()

@@ -69,6 +69,7 @@ class DriveControls:
             return
 
         def handle(number: int, _frame: FrameType | None) -> None:
+            """Stop for a signal."""
             self.stop(f"signal {signal.Signals(number).name}")
 
         names = ("SIGINT", "SIGTERM", "SIGHUP")

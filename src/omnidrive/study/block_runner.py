@@ -127,6 +127,7 @@ class _Plans:
         identity = tuple(map(id, sections))  # of objects that the kept value holds
 
         def found() -> tuple[list[Any], PlannedScenario]:
+            """Return the sections of the plan, and the plan for them."""
             *planned_by, true_robot = map(plain, sections)
             planned = self._by_content.get(dumps(planned_by), lambda: plan_scenario(scenario))
             return sections, replace(planned, plant_robot=robot_in(true_robot))

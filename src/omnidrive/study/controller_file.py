@@ -63,6 +63,7 @@ def files_moved(controllers: Any, move: Callable[[str], str]) -> Any:
     """Return the value of the scenario key ``controllers`` with other names of its files."""
 
     def moved(value: Any) -> Any:
+        """Return the value with the moved name if it is a controller file."""
         return move(value) if is_controller_file(value) else value
 
     if isinstance(controllers, dict):

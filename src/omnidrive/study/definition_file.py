@@ -239,6 +239,7 @@ def definition_data(definition: StudyDefinition, file: StrPath | None = None) ->
     folder = None if file is None else to_path(file).absolute().parent
 
     def move(name: str) -> str:
+        """Return the name of a file relative to the folder."""
         return name if folder is None else os.path.relpath(name, folder)
 
     random = definition.random

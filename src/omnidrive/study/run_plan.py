@@ -260,6 +260,7 @@ class RunPlan(Sequence[PlannedRun]):
         scenario = self._checked(data, changed_sections(settings))
 
         def is_planned(job: Job) -> bool:
+            """Return whether ``where`` and ``leave_out`` keep a job."""
             wanted = not definition.where or any(_fits(definition.where[i], job) for i in where)
             return wanted and not any(_fits(definition.leave_out[i], job) for i in leave_out)
 

@@ -353,7 +353,7 @@ def _opened(path: Path, *, read_only: bool) -> sqlite3.Connection:
     connection = sqlite3.connect(uri, uri=True, timeout=_PATIENCE, isolation_level=None)
     try:
         connection.execute("SELECT COUNT(*) FROM sqlite_master")
-    except sqlite3.OperationalError:  # in a folder that cannot be written, nobody writes
+    except sqlite3.OperationalError:  # no process writes in a read-only folder
         connection.close()
         connection = sqlite3.connect(f"{uri}&immutable=1", uri=True, isolation_level=None)
     return connection

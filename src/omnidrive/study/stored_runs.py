@@ -140,13 +140,16 @@ def _restored(table: pa.Table, rest: dict[str, Any]) -> Run:
     units = {each.name: each.metadata[b"unit"].decode() for each in table.schema}
 
     def vector(names: Sequence[str]) -> Float[Array, "rows _"]:
+        """Take columns out of the table, side by side."""
         taken = [columns.pop(name) for name in names]
         return np.column_stack(taken) if taken else np.empty((table.num_rows, 0))
 
     def wheels(name: str) -> Float[Array, "rows _"]:
+        """Take the columns of a quantity of each wheel."""
         return vector([f"{name}_{i}" for i in range(_MOST_WHEELS) if f"{name}_{i}" in columns])
 
     def sigma(name: str) -> Float[Array, " rows"]:
+        """Return a standard deviation; NaN where it is not stored."""
         values = rest[name]
         return np.full(table.num_rows, np.nan) if values is None else np.array(values)
 

@@ -2,7 +2,7 @@
 
 Each process is the only worker of an executor of loky, so that a lost process names its call.
 Messages to and from a process are short: longer data pass through files. A process that is killed
-within a message therefore blocks nobody. Compilations in the processes are reported here.
+within a message therefore blocks no other process. Compilations in the processes are reported here.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from omnidrive.study.heartbeat import Heartbeat
 _ATTEMPTS = 3  # of a call whose process is killed
 _MAX_FAILED_STARTS = 2  # in succession, of processes that end before they are ready
 _TICK = 1.0  # s between checks while nothing happens
-_SHORT = 2000  # bytes of a message; a pipe takes it at once, even if nobody reads
+_SHORT = 2000  # bytes of a message; a pipe takes it at once, even without a reader
 
 _TERMINAL_SIGNALS = {
     getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name)

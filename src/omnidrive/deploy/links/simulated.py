@@ -248,6 +248,7 @@ def _serve(
     rng = np.random.default_rng(settings.seed)
 
     def delay() -> float:
+        """Return a random delay, s."""
         return settings.latency + settings.jitter * float(rng.random())
 
     begin = simulated = time.monotonic()

@@ -116,7 +116,7 @@ class WheelsLink:
         """Connect and ask the board what it is.
 
         Raises:
-            LinkLost: The port cannot be opened, nobody answers, or the board has another number of
+            LinkLost: The port cannot be opened, no board answers, or it has another number of
                 wheels or another version of the protocol.
             MissingExtra: A serial port needs pyserial, which is not installed.
         """
@@ -278,7 +278,7 @@ class _UdpPort:
         return b"".join(parts)
 
     def send(self, data: bytes) -> None:
-        """Send one datagram; it is lost if nobody listens."""
+        """Send one datagram; it is lost if no socket is open there."""
         with suppress(ConnectionRefusedError, BlockingIOError):
             self._socket.send(data)
 

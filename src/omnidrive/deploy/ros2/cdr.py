@@ -141,12 +141,14 @@ class _Run:
         return found
 
     def write(self, out: bytearray, message: Message) -> None:
+        """Append the bytes of the part of a message."""
         values: list[Any] = []
         for leaf in self.leaves:
             leaf.flatten(getattr(message, leaf.field.name), values)
         out += self.layout("<", len(out)).pack(*values)
 
     def read(self, source: _Source, values: list[Any]) -> None:
+        """Append the values of the next bytes."""
         layout = self.layout(source.order, source.at)
         numbers = iter(layout.unpack_from(source.data, source.at))
         source.at += layout.size
@@ -206,9 +208,11 @@ class _Text:
         self.name, self.bound = field.name, field.bound
 
     def write(self, out: bytearray, message: Message) -> None:
+        """Append the bytes of the part of a message."""
         _write_text(out, getattr(message, self.name), self.bound)
 
     def read(self, source: _Source, values: list[Any]) -> None:
+        """Append the values of the next bytes."""
         values.append(source.text())
 
 
@@ -221,12 +225,14 @@ class _Texts:
         self.name, self.bound = field.name, field.bound
 
     def write(self, out: bytearray, message: Message) -> None:
+        """Append the bytes of the part of a message."""
         texts = getattr(message, self.name)
         _write_count(out, len(texts))
         for text in texts:
             _write_text(out, text, self.bound)
 
     def read(self, source: _Source, values: list[Any]) -> None:
+        """Append the values of the next bytes."""
         values.append([source.text() for _ in range(source.count(4))])
 
 
@@ -239,6 +245,7 @@ class _Numbers:
         self.name, self.dtype = field.name, dtype_of(field.type)
 
     def write(self, out: bytearray, message: Message) -> None:
+        """Append the bytes of the part of a message."""
         numbers = _checked_array(getattr(message, self.name), self.dtype)
         _write_count(out, len(numbers))
         if len(numbers):
@@ -246,6 +253,7 @@ class _Numbers:
             out += numbers.astype(self.dtype.newbyteorder("<"), copy=False).tobytes()
 
     def read(self, source: _Source, values: list[Any]) -> None:
+        """Append the values of the next bytes."""
         size = self.dtype.itemsize
         length = source.count(size)
         if length:
@@ -271,6 +279,7 @@ class _Messages:
         self.least: int = self.codec.least if self.single else 4
 
     def write(self, out: bytearray, message: Message) -> None:
+        """Append the bytes of the part of a message."""
         value = getattr(message, self.name)
         if self.single:
             self.codec.write(out, value)
@@ -280,6 +289,7 @@ class _Messages:
             self.codec.write(out, each)
 
     def read(self, source: _Source, values: list[Any]) -> None:
+        """Append the values of the next bytes."""
         read = self.codec.read
         if self.single:
             values.append(read(source))

@@ -131,6 +131,7 @@ def dds_type(name: str, distribution: Distribution = LATEST, *, request: bool = 
     made = _struct(name, distribution, head)
 
     def begin(self: Any, data: bytes) -> None:
+        """Keep the encoded message."""
         self.data = data
 
     made.__init__ = begin

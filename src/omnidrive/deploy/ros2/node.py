@@ -321,6 +321,7 @@ class Node:
         """Announce the node and its endpoints, as rmw_dds_common defines it."""
 
         def identity(gid: bytes) -> Message:
+            """Return the message of a GID, padded to its length."""
             made = message_type("rmw_dds_common/msg/Gid", self.distribution)
             length = made.interface.fields[0].length
             return made(data=list(gid.ljust(length, b"\0")))

@@ -102,6 +102,7 @@ class PathFollower:
         timeout = self.link.settings.timeout
 
         def arrives() -> bool:
+            """Return whether a pose has arrived."""
             fix = self.link.poses.read()
             if fix is not None:
                 found.append(fix.pose)
@@ -133,6 +134,7 @@ class PathFollower:
         controls = controls or DriveControls(arm=True)
 
         def check() -> None:
+            """Pass requests of the graph on, and call ``watch``."""
             self.requests.pass_on(controls)
             watch(controls)
 
@@ -284,6 +286,7 @@ def _repeating(action: Callable[[], None], controls: DriveControls) -> Iterator[
     ended = threading.Event()
 
     def repeat() -> None:
+        """Call the action until the context ends."""
         while not ended.wait(_POLL):
             try:
                 action()
