@@ -415,6 +415,18 @@ def test_a_known_drive_is_compensated_without_adaptation():
     assert mean_error(robot, known, **changes) < 0.2 * mean_error(robot, unknown, **changes)
 
 
+def test_an_approach_at_the_friction_limit_is_no_evidence_of_a_gain():
+    """With a friction that is lower than known, the missing acceleration looks like a gain."""
+    robot = named_robot("small")
+    plant = PlanarPlant(replace(robot, friction=0.4 * robot.friction))
+    controller = drive_controller(robot, 0.02, DriveSettings())
+    start = Pose(0.0, 0.0, 0.0)
+    run = simulate(plant, controller, Hold(Pose(1.0, 0.0, 0.0), 0.6), start=start, dt=0.02)
+    assert 0.1 < run.pose[-1, 0] < 0.7  # the robot is on its way
+    assert controller.drive.gains[0] == 1.0
+    assert controller.drive.lag + controller.drive.delay == 0.0
+
+
 def test_a_reset_forgets_what_was_identified():
     robot = named_robot("small")
     controller = drive_controller(robot, 0.05, DriveSettings())

@@ -7,8 +7,9 @@ import pytest
 
 from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at, without_disturbance
 from omnidrive.control.nmpc.holonomic.motion_memory import motion_memory, remember
+from omnidrive.control.nmpc.holonomic.robot_model import RobotModel
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
-from omnidrive.control.nmpc.holonomic.step import Measurement, RobotModel, observe
+from omnidrive.control.nmpc.holonomic.step import Measurement, observe
 from omnidrive.estimation.drive_memory import DriveSettings
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot

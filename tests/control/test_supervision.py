@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omnidrive.control import Command, FeedforwardController
+from omnidrive.control import Command, FeedforwardController, WheelSpeeds
 from omnidrive.control.reduced_drive import ReducedDrive, limit_acceleration
 from omnidrive.control.supervision import (
     Finding,
@@ -175,6 +175,29 @@ def test_encoder_without_readings_is_reported_as_dead():
     assert found == [Finding(2, WheelDefect.DEAD_ENCODER)]
 
 
+def fast_findings(dead=None):
+    """Return findings at 500 Hz, with angles that are up to two counts wrong.
+
+    So are those of a loop that extrapolates readings to its samples. The torques change sign.
+    """
+    robot, dt, rng = named_robot("small"), 0.002, np.random.default_rng(1)
+    monitor, angles, found = WheelMonitor(robot), np.zeros(4), []
+    for k in range(1500):
+        slip = 0.2 * robot.max_torque / robot.servo_gain * np.sin(dt * k + np.arange(4))
+        torques = robot.servo_gain * slip
+        if dead is not None:
+            torques[dead] = 0.0
+        angles = angles + (robot.chassis.wheel_speeds(TWIST) - slip) * dt
+        read = angles + DEFAULT.step * rng.uniform(-2.0, 2.0, 4)
+        found += monitor.update(TWIST, dt, tuple(read.tolist()), tuple(torques.tolist()))
+    return found
+
+
+def test_readings_that_do_not_arrive_with_the_samples_are_no_defect():
+    assert fast_findings() == []
+    assert fast_findings(dead=2) == [Finding(2, WheelDefect.DEAD)]
+
+
 def test_idle_wheels_are_not_reported():
     bench = Bench()
     assert [bench.sample(BodyTwist(0.0, 0.0, 0.0), 0.0 * SLIP, w0=bench.dead)] * 20 == [[]] * 20
@@ -184,18 +207,98 @@ def test_nothing_is_reported_without_readings():
     assert WheelMonitor(ROBOT).update(TWIST, DT, (), ()) == []
 
 
-def test_slow_motors_are_not_reported_as_dead():
-    """The monitor models set points that follow the command with a lag."""
-    slow = replace(ROBOT, motor_lag=0.2)
-    monitor, set_points, angles = WheelMonitor(slow), np.zeros(4), np.zeros(4)
+class Servos:
+    """Velocity servos with a lag, a gain and a delay that the monitor may not know."""
+
+    def __init__(self, robot, *, lag=0.0, gain=1.0, delay=0):
+        self.robot, self.monitor = robot, WheelMonitor(robot, FINE)
+        self.decay = np.exp(-DT / 100 / lag) if lag > 0.0 else 0.0
+        self.gain, self.late = gain, [BodyTwist(0.0, 0.0, 0.0)] * delay
+        self.set_points, self.angles = np.zeros(4), np.zeros(4)
+
+    def sample(self, twist, load=0.1, dead=None):
+        """Return the findings of a sample with the same load on all wheels.
+
+        Args:
+            twist: Commanded body twist.
+            load: Speed by which the wheels are slower than their set points, rad/s.
+            dead: Index of a wheel without torque; None: all are healthy.
+        """
+        self.late.append(twist)
+        target = self.gain * self.robot.chassis.wheel_speeds(self.late.pop(0))
+        torques = np.full(4, self.robot.servo_gain * load)
+        if dead is not None:
+            torques[dead] = 0.0
+        for _ in range(100):
+            self.set_points = target + self.decay * (self.set_points - target)
+            self.angles += (self.set_points - load) * DT / 100
+        return self.monitor.update(twist, DT, tuple(self.angles), tuple(torques))
+
+
+def curve(k):
+    """Return the twist of sample k of a drive along a wavy line."""
+    phase = 0.15 * k
+    return BodyTwist(0.5 * np.sin(phase), 0.4 * np.cos(phase), 0.3 * np.sin(0.5 * phase))
+
+
+@pytest.mark.parametrize("known", [0.0, 0.05])
+@pytest.mark.parametrize("lag", [0.0, 0.1, 0.2])
+@pytest.mark.parametrize("load", [0.0, 1e-4])
+def test_slow_motors_are_not_reported_as_dead(known, lag, load):
+    """All wheels lag alike: the monitor identifies the lag."""
+    servos = Servos(replace(ROBOT, motor_lag=known), lag=lag)
+    for k in range(80):
+        assert servos.sample(curve(k), load) == []
+    assert servos.monitor.lag == pytest.approx(lag, abs=0.03)
+
+
+@pytest.mark.parametrize("wrong", [{"gain": 0.9}, {"gain": 1.1}, {"delay": 1}, {"delay": 3}])
+def test_wrong_models_of_all_wheels_are_no_defects(wrong):
+    servos = Servos(ROBOT, **wrong)
+    for k in range(80):
+        assert servos.sample(curve(k), 1e-4) == []
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.1, 0.2])
+def test_dead_motor_of_a_slow_drive_is_reported(lag):
+    """A wheel unlike the others has a defect; that the monitor does not know the lag costs time."""
+    servos, found = Servos(ROBOT, lag=lag), []
     for k in range(40):
-        twist = BodyTwist(0.5 if k % 20 < 10 else -0.5, 0.0, 0.0)
-        commanded, torques = slow.chassis.wheel_speeds(twist), np.zeros(4)
-        for _ in range(100):  # wheels 0.1 rad/s slower than the set point
-            set_points += (commanded - set_points) * (1.0 - np.exp(-DT / 100 / 0.2))
-            angles += (set_points - 0.1) * DT / 100
-            torques += slow.servo_gain * 0.1 / 100
-        assert monitor.update(twist, DT, tuple(angles), tuple(torques)) == []
+        assert servos.sample(curve(k)) == []
+    for k in range(40, 43 if lag == 0.0 else 60):
+        found += servos.sample(curve(k), dead=2)
+    assert found == [Finding(2, WheelDefect.DEAD)]
+
+
+def drive_with_standing_wheel(speeds, torques):
+    """Return the findings of samples whose wheel 0 stands; the others follow their set points.
+
+    Args:
+        speeds: Commanded speed of wheel 0 in each sample, rad/s.
+        torques: Torque of its motor, N m.
+    """
+    monitor, angles, found = WheelMonitor(ROBOT), np.zeros(4), []
+    for speed, torque in zip(speeds, torques, strict=True):
+        commanded = np.array([speed, 8.0, -8.0, 8.0])
+        angles = angles + commanded * DT * [0.0, 1.0, 1.0, 1.0]
+        measured = (torque, 0.0, 0.0, 0.0)
+        found += monitor.update(WheelSpeeds(commanded), DT, tuple(angles), measured)
+    return found
+
+
+def test_wheel_that_stands_on_a_slope_is_not_locked():
+    """The load equals the torque of the servo, which friction transmits."""
+    speed = 0.6 * ROBOT.force_limits[0] * ROBOT.wheel.radius / ROBOT.servo_gain
+    speeds = speed + 0.01 * np.sin(np.arange(60))
+    assert drive_with_standing_wheel(speeds, [ROBOT.servo_gain * speed] * 60) == []
+
+
+def test_wheel_that_stands_while_its_set_point_changes_is_locked():
+    """Its torque changes with the set point, and is below that which friction transmits."""
+    speeds = np.linspace(0.0, 0.6, 20) * ROBOT.force_limits[0] * ROBOT.wheel.radius
+    speeds /= ROBOT.servo_gain
+    found = drive_with_standing_wheel(speeds, ROBOT.servo_gain * speeds)
+    assert found == [Finding(0, WheelDefect.LOCKED)]
 
 
 def test_reduced_drive_with_three_wheels():

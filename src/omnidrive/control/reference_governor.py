@@ -19,6 +19,7 @@ from omnidrive.reference import (
     delay_within_limits,
     needed_limits,
 )
+from omnidrive.reference.reference import WindowReference
 from omnidrive.robot import Chassis
 
 TOLERATED_DELAY = 0.1
@@ -55,6 +56,7 @@ class ReferenceGovernor:
     _reference: Reference | None = field(default=None, init=False, repr=False)
     """The latest reference, so that each is governed once."""
     _governed: Reference | None = field(default=None, init=False, repr=False)
+    _retiming: Retiming | None = field(default=None, init=False, repr=False)
 
     def prepare(self) -> None:
         """Compile the kernels."""
@@ -62,13 +64,15 @@ class ReferenceGovernor:
         DelayedReference(_STILL, 0.1, np.zeros((2, 6)), np.ones(2)).window(0.0, 2, 0.1)
 
     def reset(self) -> None:
-        """Forget the latest reference."""
-        self._reference = self._governed = None
+        """Forget the latest reference, unless its class is of this package: they do not change."""
+        if not isinstance(self._reference, (WindowReference, Hold)):
+            self._reference = self._governed = self._retiming = None
 
     def govern(self, reference: Reference) -> Reference:
         """Return the reference to track, computed when ``reference`` is first seen."""
         if reference is not self._reference or self._governed is None:
             self._reference, self._governed = reference, self._computed(reference)
+            self._retiming = None
         return self._governed
 
     def delay(self, t: float) -> float:
@@ -79,18 +83,24 @@ class ReferenceGovernor:
     def retime(self, reference: Reference) -> Retiming:
         """Return the governed reference, and what the original one needs if it is another."""
         governed = self.govern(reference)
+        if self._retiming is None:
+            self._retiming = Retiming(governed, self._needs(reference))
+        return self._retiming
+
+    def _needs(self, reference: Reference) -> str:
+        """Return what the original reference needs if the governed one is another."""
+        governed = self._governed
         if not isinstance(governed, DelayedReference):
-            return Retiming(reference)
+            return ""
         used = needed_limits(reference, self._limits(1.0, 1.0))
         top = self.chassis.max_wheel_speed
         needs = f"wheel speeds of {used['wheel speed'] * top:.3g} rad/s (limit {top:.3g} rad/s)"
         if "wheel force" in used:
             needs += f" and {used['wheel force']:.2f} times the forces of the wheels in plans"
-        return Retiming(
-            governed,
+        return (
             f"the reference needs {needs}: its path is followed with a delay of up to "
             f"{governed.max_delay:.2f} s, to its end at {governed.duration:.2f} s instead of "
-            f"{reference.duration:.2f} s",
+            f"{reference.duration:.2f} s"
         )
 
     def _limits(self, speed_share: float, force_share: float) -> tuple[LimitRows, ...]:

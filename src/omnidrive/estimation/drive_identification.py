@@ -70,6 +70,9 @@ _SCALE_MEMORY, _LARGEST_SQUARE, _CAUTION = 0.5, 25.0, 4.0
 """Of the mean square of the innovations over their variance: time constant of the mean, s; largest
 term; and the factor of the variances over the mean, because innovations that no hypothesis explains
 are not independent of each other."""
+_SLIP_CAUTION = 30.0
+"""Factor of the variances with all wheels at the friction limit, in addition: a wrong friction
+lasts for the whole slip, so that its innovations are not independent of each other either."""
 _GATE = 24.0
 """Standard deviations beyond which a measured pose is one of a robot that was moved."""
 _LARGEST_EVIDENCE = 64.0
@@ -86,7 +89,7 @@ _UNKNOWN_TWIST = 1.0
 
 _REST = (0.0, 0.0, 0.0)
 
-CONTINUE, RESTART, START = 0, 1, 2
+CONTINUE, RESTART, START, APPROACH = 0, 1, 2, 3
 """Events of :func:`identify`."""
 
 
@@ -120,9 +123,11 @@ def identify(  # noqa: PLR0917
     """Update the estimates by one sample.
 
     Args:
-        event: :data:`CONTINUE`; :data:`RESTART` at a known pose and steady twist, with the
-            estimates of the parameters; or :data:`START` with the known parameters, and ``dt`` is
-            the sample time.
+        event: :data:`CONTINUE`; :data:`APPROACH`, the same while a distant target is approached at
+            the limit of acceleration, where parameters and delay are not corrected: wheels slip,
+            and a wrong friction looks like a wrong gain; :data:`RESTART` at a known pose and steady
+            twist, with the estimates of the parameters; or :data:`START` with the known parameters,
+            and ``dt`` is the sample time.
         model: Response of the robot to the twist of its motors.
         settings: Bounds and forgetting.
         known: Gains of x, y and yaw, lag (s) and delay (s) before the first sample.
@@ -134,19 +139,19 @@ def identify(  # noqa: PLR0917
     memory = memory_in(values)
     if event == START:
         initialize(memory, known, now.dt)
-    if event != CONTINUE:
+    if event in (START, RESTART):
         restart(memory, now.pose, now.twist)
     elif isfinite(now.command[0] + now.command[1] + now.command[2] + now.dt):
-        _update(model, settings, memory, now)
+        _update(model, settings, memory, now, event == CONTINUE)
     update_estimate(memory)
     apply_parameters(memory, drive)
 
 
 @compiled
 def _update(
-    model: DriveModel, settings: DriveSettings, memory: DriveMemory, now: DriveSample
+    model: DriveModel, settings: DriveSettings, memory: DriveMemory, now: DriveSample, learns: bool
 ) -> None:
-    """Predict and correct every hypothesis, and choose one."""
+    """Predict and correct every hypothesis, and choose one; parameters and delay if it learns."""
     commands, dt, pose, variances = memory.commands, now.dt, now.pose, now.variances
     for k in range(len(commands) - 1, 0, -1):
         for j in range(4):
@@ -163,12 +168,12 @@ def _update(
         h = hypothesis(memory, k)
         predict(model, rates, h, commands, dt)
         if fresh:
-            _correct(model, settings, h, pose, variances, dt, scale)
+            _correct(model, settings, h, pose, variances, dt, scale, learns)
         if not _size(h) < _LARGEST:
             restart_hypothesis(h, pose if measured else _REST, _REST)
             for a in range(3):
                 h.state_covariance[a, 1, 1] = (unit_of(model, a) * _UNKNOWN_TWIST) ** 2
-    if fresh:
+    if fresh and learns:
         _compare(memory, dt)
         _choose(settings, memory)
 
@@ -228,20 +233,22 @@ def _correct(  # noqa: PLR0917
     variances: Vector,
     dt: float,
     scale: float,
+    learns: bool,
 ) -> None:
-    """Correct parameters and states by a measured pose."""
+    """Correct the states, and the parameters if it ``learns``, by a measured pose."""
     yaw = h.pose[2]
     c, s = cos(yaw), sin(yaw)
     dx, dy = pose[0] - h.pose[0], pose[1] - h.pose[1]
     innovation = (c * dx + s * dy, c * dy - s * dx, wrap(pose[2] - yaw))
-    _record(h, innovation, variances, dt, scale)
+    _record(h, innovation, variances, dt, scale, learns)
     if _is_moved(h, innovation):
         _move(h, pose, innovation, variances, dt)
         return
     change, shift = h.work[0], h.work[1]
     change[:] = 0.0
     for a in range(3):
-        _correct_parameters(model, h, a, innovation[a], change)
+        if learns:
+            _correct_parameters(model, h, a, innovation[a], change)
         shift[a] = _correct_states(h, a, innovation[a], variances[a])
     _limit(settings, h, change)
     sens, states = h.sensitivity, h.states
@@ -258,8 +265,13 @@ def _correct(  # noqa: PLR0917
 
 
 @compiled
-def _record(h: Hypothesis, innovation: Vector, variances: Vector, dt: float, scale: float) -> None:
-    """Record innovations and their variances, from the states and from the parameters."""
+def _record(  # noqa: PLR0917
+    h: Hypothesis, innovation: Vector, variances: Vector, dt: float, scale: float, learns: bool
+) -> None:
+    """Record innovations and their variances, from the states and from the parameters.
+
+    What parameters could explain counts as unexplained where they are not corrected.
+    """
     largest = 0.0
     for a in range(3):
         by_parameters = 0.0
@@ -269,9 +281,9 @@ def _record(h: Hypothesis, innovation: Vector, variances: Vector, dt: float, sca
                 by_parameters += sens * h.covariance[i, j]
         h.innovations[a, 0] = innovation[a]
         known = h.state_covariance[a, 0, 0] + variances[a] + _MIN_VARIANCE
-        h.innovations[a, 1] = scale * known
+        h.innovations[a, 1] = (scale + _SLIP_CAUTION * h.figures[3]) * known
         h.innovations[a, 2] = by_parameters
-        largest = max(largest, innovation[a] ** 2 / (known + by_parameters))
+        largest = max(largest, innovation[a] ** 2 / (known + (by_parameters if learns else 0.0)))
     share = min(dt / _SCALE_MEMORY, 1.0)
     h.figures[5] += share * (min(largest, _LARGEST_SQUARE) - h.figures[5])
 

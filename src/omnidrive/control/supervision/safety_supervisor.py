@@ -18,7 +18,8 @@ from omnidrive.control.controller import (
 from omnidrive.control.reduced_drive import ReducedDrive, limit_acceleration, reallocate
 from omnidrive.control.supervision.supervisor import Event
 from omnidrive.control.supervision.watchdog import Watchdog
-from omnidrive.control.supervision.wheel_monitor import Finding, WheelDefect, WheelMonitor
+from omnidrive.control.supervision.wheel_evidence import WheelDefect
+from omnidrive.control.supervision.wheel_monitor import Finding, WheelMonitor
 from omnidrive.errors import InvalidGeometry
 from omnidrive.estimation import SensorReadings, State
 from omnidrive.estimation.state import is_usable_number

@@ -62,7 +62,7 @@ def solve_active_set(
     point, active = allocate_point(unconstrained.copy(), bounds), np.zeros((stages, rows))
     f, step = allocate_factors(stages, rows), allocate_step(stages, rows)
     multipliers = np.zeros((stages, rows))
-    penalty = _PENALTY * max(p.control_weights.max(), p.dt * p.dt * p.state_weights.max())
+    penalty = _PENALTY * _largest_weight(p)
     iterations = 0
     while True:
         evaluate(p, point)
@@ -136,3 +136,14 @@ def _slack_margin(point: StagePoint, k: int, i: int, tolerance: float) -> float:
     """Return the slack to keep at an active limit, so that rounding does not violate it."""
     multiplier: float = abs(point.multipliers[k, i])
     return 0.1 * tolerance / max(1.0, multiplier)
+
+
+@compiled
+def _largest_weight(p: HolonomicProblem) -> float:
+    """Return the largest weight in the cost, of states per square of the sample time."""
+    largest = 0.0
+    for a in range(3):
+        largest = max(largest, p.control_weights[a])
+        for k in range(len(p.state_weights)):
+            largest = max(largest, p.dt * p.dt * p.state_weights[k, a])
+    return largest

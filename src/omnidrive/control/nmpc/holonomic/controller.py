@@ -49,10 +49,10 @@ from omnidrive.control.nmpc.holonomic.motion_memory import (
     observed_motion,
 )
 from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
+from omnidrive.control.nmpc.holonomic.robot_model import RobotModel, drive_model
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, HolonomicSolution
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSolverSettings
-from omnidrive.control.nmpc.holonomic.step import RobotModel, drive_model
 from omnidrive.control.preparation import run_once
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.control.reference_governor import ReferenceGovernor

@@ -31,6 +31,7 @@ from omnidrive.control.nmpc.holonomic.stage_point import (
     cost,
     evaluate,
     gradient_norm,
+    overwrite,
 )
 
 _TO_BOUNDARY = 0.995
@@ -281,8 +282,8 @@ def _line_search(
 ) -> float:
     """Halve the step until the merit decreases enough; return its length, 0 on failure."""
     point, step = ip.point, ip.step
-    descent = (point.gradient_velocity * step.velocities).sum()
-    descent += (point.gradient_state * step.poses).sum()
+    descent = _product_sum(point.gradient_velocity, step.velocities)
+    descent += _product_sum(point.gradient_state, step.poses)
     for k in range(point.slacks.shape[0]):
         for w in range(point.slacks.shape[1]):
             derivative = barrier / point.slacks[k, w, 0] - barrier / point.slacks[k, w, 1]
@@ -290,11 +291,24 @@ def _line_search(
     if not descent < 0.0:
         return 0.0
     merit, length = _merit(p, point.velocities, point.bounds, barrier), longest
+    velocities = np.empty(point.velocities.shape)
     for _ in range(_MAX_HALVINGS):
-        reached = _merit(p, point.velocities + length * step.velocities, point.bounds, barrier)
+        overwrite(velocities, point.velocities)
+        add_scaled(velocities, length, step.velocities)
+        reached = _merit(p, velocities, point.bounds, barrier)
         if reached <= merit + _ARMIJO * length * descent + _ROUNDING * abs(merit):
             return length
         length *= 0.5
         if length < shortest:
             break
     return 0.0
+
+
+@compiled
+def _product_sum(left: Float[Array, "rows 3"], right: Float[Array, "rows 3"]) -> float:
+    """Return the sum of the products of all elements."""
+    total = 0.0
+    for k in range(left.shape[0]):
+        for a in range(3):
+            total += left[k, a] * right[k, a]
+    return total

@@ -17,11 +17,11 @@ from omnidrive.control.nmpc.common.exit import CONVERGED
 from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at
 from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory, motion_memory, remember
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, KeepOutArrays, Limits
+from omnidrive.control.nmpc.holonomic.robot_model import RobotModel
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolverSettings
 from omnidrive.control.nmpc.holonomic.step import (
     Measurement,
     Plan,
-    RobotModel,
     command_stage,
     fill_problem,
     observe,

@@ -11,6 +11,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at, disturbance_scale
+from omnidrive.control.nmpc.holonomic.lag_response import MIN_LAG, mean_decay
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
 from omnidrive.control.nmpc.holonomic.motion_memory import (
     DELAY,
@@ -24,13 +25,7 @@ from omnidrive.control.nmpc.holonomic.pose_noise import (
     noisy_share,
     pose_variance,
 )
-from omnidrive.control.nmpc.holonomic.slip_model import (
-    MIN_LAG,
-    SlipModel,
-    mean_decay,
-    respond,
-    slip_response,
-)
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, respond, slip_response
 from omnidrive.robot.slip import Vector
 
 _DISPLACEMENT = 0.02

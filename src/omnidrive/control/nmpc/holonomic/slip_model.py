@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, cos, exp, inf, sin
+from math import ceil, cos, inf, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.control.nmpc.holonomic.lag_response import MIN_LAG, Sensitivity, lag_response
 from omnidrive.control.nmpc.holonomic.motion import arc_twist
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist
@@ -20,8 +21,6 @@ _FRICTION_SHARE = 0.95
 """Usable part of the friction limit: the load shifts between the wheels."""
 _STEP_RATIO = 0.75
 """Length of an integration step over the shortest time constant."""
-MIN_LAG = 1e-4
-"""In s; a shorter lag is negligible, and would need many integration steps."""
 _CORRECTIONS = 6
 """Corrections of the commanded twist: each leaves about lag / dt of the error without slip."""
 _SHORT_STEP = 2.0
@@ -253,21 +252,6 @@ def _saturate(model: SlipModel, commanded: Vector) -> Vector:
     return factor * commanded[0], factor * commanded[1], factor * commanded[2]
 
 
-class Sensitivity(NamedTuple):
-    """Derivatives of a response, axis by axis; the coupling between the axes is neglected."""
-
-    mean_by_initial: Vector
-    """Of the mean twist by the initial one."""
-    mean_by_input: Vector
-    """Of the mean twist by the commanded one."""
-    final_by_initial: Vector
-    """Of the final twist by the initial one."""
-    final_by_input: Vector
-    """Of the final twist by the commanded one."""
-    saturation: float
-    """Mean share of wheels at the friction limit, 0 to 1."""
-
-
 @compiled
 def lags(model: SlipModel) -> Vector:
     """Return the time constants of the three axes below the friction limit, in s."""
@@ -318,40 +302,8 @@ def _response(
 ) -> tuple[Vector, Vector, Sensitivity]:
     """Return the response, and its derivatives if ``sensitive``."""
     if model.max_force == inf:
-        return _linear_response(model, initial, commanded, dt)
+        return lag_response(lags(model), initial, commanded, dt)
     return _slipping_response(model, initial, commanded, dt, sensitive)
-
-
-@compiled
-def _linear_response(
-    model: SlipModel, initial: Vector, commanded: Vector, dt: float
-) -> tuple[Vector, Vector, Sensitivity]:
-    """Evaluate the response of ``lag db/dt = c - b`` for every axis of B; a lag may be 0."""
-    tau = lags(model)
-    p, m, q = mean_decay(tau[0], dt), mean_decay(tau[1], dt), mean_decay(tau[2], dt)
-    by_initial, final_by_initial = (p[0], m[0], q[0]), (p[1], m[1], q[1])
-    mean = (
-        commanded[0] + p[0] * (initial[0] - commanded[0]),
-        commanded[1] + m[0] * (initial[1] - commanded[1]),
-        commanded[2] + q[0] * (initial[2] - commanded[2]),
-    )
-    final = (
-        commanded[0] + p[1] * (initial[0] - commanded[0]),
-        commanded[1] + m[1] * (initial[1] - commanded[1]),
-        commanded[2] + q[1] * (initial[2] - commanded[2]),
-    )
-    by_input = (1.0 - p[0], 1.0 - m[0], 1.0 - q[0])
-    final_by_input = (1.0 - p[1], 1.0 - m[1], 1.0 - q[1])
-    return mean, final, Sensitivity(by_initial, by_input, final_by_initial, final_by_input, 0.0)
-
-
-@compiled
-def mean_decay(lag: float, dt: float) -> tuple[float, float]:
-    """Return mean and final value of exp(-t / lag) over ``dt`` (s)."""
-    if lag < MIN_LAG:
-        return 0.0, 0.0
-    final = exp(-dt / lag)
-    return lag / dt * (1.0 - final), final
 
 
 @compiled

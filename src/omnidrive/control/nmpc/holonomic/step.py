@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compilable, compiled
+from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.approach import approach
 from omnidrive.control.nmpc.holonomic.disturbance import without_disturbance
@@ -39,13 +39,24 @@ from omnidrive.control.nmpc.holonomic.reached_acceleration import (
     reached_share,
     update_reached,
 )
+from omnidrive.control.nmpc.holonomic.robot_model import (
+    RobotModel,
+    acceleration_load,
+    drive_model,
+    fastest_wheel,
+    saturate,
+)
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, compensate, predict_change
 from omnidrive.control.nmpc.holonomic.solution import assess
 from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constraints
 from omnidrive.control.nmpc.holonomic.stage_point import overwrite
-from omnidrive.estimation.drive_identification import CONTINUE, RESTART, START, DriveSample
-from omnidrive.estimation.drive_memory import DriveSettings
-from omnidrive.estimation.drive_response import DriveModel
+from omnidrive.estimation.drive_identification import (
+    APPROACH,
+    CONTINUE,
+    RESTART,
+    START,
+    DriveSample,
+)
 from omnidrive.robot.slip import Vector
 
 _MIN_GAP, _MAX_GAP = 0.5, 5.0
@@ -74,28 +85,6 @@ class Measurement(NamedTuple):
     """Variances of the measured pose along the axes of B, m^2, m^2, rad^2; negative: unknown."""
     fresh: bool
     """Whether the pose is a new measurement."""
-
-
-class RobotModel(NamedTuple):
-    """What a step knows of the robot."""
-
-    model: SlipModel
-    """Response to commands."""
-    wheels: Float[Array, "wheels 3"]
-    """Wheel matrix."""
-    faces: Float[Array, "faces 3"]
-    """Limits of acceleration, ``|faces @ acceleration| <= 1`` in B; empty: none."""
-    max_wheel_speed: float
-    """In rad/s."""
-    reserve: float
-    """Largest acceleration over those limits, at least 1."""
-    drive: Float[Array, " 5"]
-    """Known gains of the drive along x, y and yaw, lag of the motors (s) and delay (s)."""
-    identify: Any
-    """:func:`~omnidrive.estimation.drive_identification.identify` as a
-    :class:`~omnidrive.compiled.CompiledFunction`; None: the drive is not identified."""
-    bounds: DriveSettings
-    """Bounds of the identification."""
 
 
 class Plan(NamedTuple):
@@ -134,7 +123,8 @@ def observe(
         correct(robot.model, memory, now.pose, now.variances, dt, shares, steady)
     if known:
         correct_twist(robot.model, memory, now.twist, dt)
-    _identify(robot.identify, CONTINUE, robot, memory, now, elapsed, dt)
+    event = CONTINUE if steady else APPROACH
+    _identify(robot.identify, event, robot, memory, now, elapsed, dt)
     steady = steady and shares[0] <= STEADY_SATURATION
     memory.drive[LEAD] = memory.drive[LAG] if steady else 0.0
     memory.drive[YAW_LEAD] = memory.drive[YAW_LAG] if steady else 0.0
@@ -145,17 +135,7 @@ def _is_plausible(robot: RobotModel, twist: Vector) -> bool:
     """Return whether a twist is known, and not far beyond what the wheels reach: a fault."""
     if not isfinite(twist[0] + twist[1] + twist[2]):
         return False
-    return _fastest_wheel(robot, twist) <= _MAX_SPEEDING * robot.max_wheel_speed
-
-
-@compiled
-def _fastest_wheel(robot: RobotModel, twist: Vector) -> float:
-    """Return the largest wheel speed of a twist, rad/s."""
-    fastest, wheels = 0.0, robot.wheels
-    for i in range(len(wheels)):
-        speed = wheels[i, 0] * twist[0] + wheels[i, 1] * twist[1] + wheels[i, 2] * twist[2]
-        fastest = max(fastest, abs(speed))
-    return fastest
+    return fastest_wheel(robot, twist) <= _MAX_SPEEDING * robot.max_wheel_speed
 
 
 @compiled
@@ -175,7 +155,8 @@ def _identify(  # noqa: PLR0917
     if variances[0] < 0.0:
         position = max(noise[0], 0.0)
         variances = (position, position, max(noise[1], 0.0))
-    if event == CONTINUE and max(variances[0], variances[1]) > NOISY * NOISY:
+    goes_on = event in (CONTINUE, APPROACH)
+    if goes_on and max(variances[0], variances[1]) > NOISY * NOISY:
         event, elapsed = START, period
     sample = DriveSample(
         (sent[0], sent[1], sent[2]),
@@ -187,12 +168,6 @@ def _identify(  # noqa: PLR0917
     )
     model, known = drive_model(robot.model), robot.drive
     identify(event, model, robot.bounds, known, memory.identified, sample, memory.drive)
-
-
-@compilable
-def drive_model(model: SlipModel) -> DriveModel:
-    """Return the model of the response for the identification."""
-    return DriveModel(model.rim_jacobian, model.inertia, model.stiffness, model.max_force)
 
 
 @compiled
@@ -253,7 +228,7 @@ def _approach_target(
         ahead, left = arc_twist(p.dt, p.start[2], vx, vy, rate)
         share = prompt * prompt  # a gentle change is not yet a near target if it acts too late
         change = (ahead - share * twist[0], left - share * twist[1], rate - share * twist[2])
-        if _load(robot.faces, change) <= _GENTLE * share * (0.5 * p.dt + lead):
+        if acceleration_load(robot.faces, change) <= _GENTLE * share * (0.5 * p.dt + lead):
             return False
     approach(
         p.start,
@@ -287,7 +262,7 @@ def _pass_end(robot: RobotModel, p: HolonomicProblem, last: int) -> None:
         return
     x, y, rate = p.feedforward[last - 1]
     c, s = cos(p.targets[last, 2]), sin(p.targets[last, 2])
-    if _load(robot.faces, (c * x + s * y, c * y - s * x, rate)) <= p.dt:
+    if acceleration_load(robot.faces, (c * x + s * y, c * y - s * x, rate)) <= p.dt:
         return
     for k in range(last, len(p.feedforward)):
         for a in range(3):
@@ -306,7 +281,7 @@ def _lead(robot: RobotModel, p: HolonomicProblem, twist: Vector) -> float:
     turn = p.targets[0, 2] - p.start[2]
     c, s = cos(p.start[2]), sin(p.start[2])
     error = (c * x + s * y, c * y - s * x, turn)
-    share = p.dt / _load(robot.faces, error)
+    share = p.dt / acceleration_load(robot.faces, error)
     change = (share * error[0], share * error[1], share * turn)
     mean, final = predict_change(robot.model, change, twist, p.dt)
     by_mean, by_end = 0.0, 0.0
@@ -315,16 +290,6 @@ def _lead(robot: RobotModel, p: HolonomicProblem, twist: Vector) -> float:
         by_mean += weight * (mean[a] - twist[a])
         by_end += weight * (final[a] - twist[a])
     return p.dt * max(by_mean / by_end - 0.5, 0.0) if by_end > 0.0 else 0.0
-
-
-@compiled
-def _load(faces: Float[Array, "faces 3"], vector: Vector) -> float:
-    """Return the largest component of a vector along the normals of the limits."""
-    load = 0.0
-    for j in range(len(faces)):
-        component = faces[j, 0] * vector[0] + faces[j, 1] * vector[1] + faces[j, 2] * vector[2]
-        load = max(load, abs(component))
-    return load
 
 
 @compiled
@@ -382,7 +347,7 @@ def command_stage(  # noqa: PLR0917
         0.5 * (following[1] - desired[1]),
         0.5 * (following[2] - desired[2]),
     )
-    command = _saturate(robot, _command_motors(memory, mean, motors, change, dt))
+    command = saturate(robot, _command_motors(memory, mean, motors, change, dt))
     remember(memory, command)
     return command
 
@@ -416,14 +381,3 @@ def _command_motors(
         (mean[1] + lead * (mean[1] + change[1] - motors[1])) / gains[1],
         (mean[2] + yaw_lead * (mean[2] + change[2] - motors[2])) / gains[2],
     )
-
-
-@compiled
-def _saturate(robot: RobotModel, twist: Vector) -> Vector:
-    """Return the largest multiple of a twist, at most 1, within the maximum wheel speed."""
-    vx, vy, rate = twist
-    fastest = _fastest_wheel(robot, twist)
-    if fastest <= robot.max_wheel_speed:
-        return vx, vy, rate
-    factor = robot.max_wheel_speed / fastest
-    return factor * vx, factor * vy, factor * rate

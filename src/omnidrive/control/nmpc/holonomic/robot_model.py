@@ -1,0 +1,73 @@
+"""What a step of the controller knows of the robot: response, wheels, and limits."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import compilable, compiled
+from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.estimation.drive_memory import DriveSettings
+from omnidrive.estimation.drive_response import DriveModel
+from omnidrive.robot.slip import Vector
+
+
+class RobotModel(NamedTuple):
+    """What a step knows of the robot."""
+
+    model: SlipModel
+    """Response to commands."""
+    wheels: Float[Array, "wheels 3"]
+    """Wheel matrix."""
+    faces: Float[Array, "faces 3"]
+    """Limits of acceleration, ``|faces @ acceleration| <= 1`` in B; empty: none."""
+    max_wheel_speed: float
+    """In rad/s."""
+    reserve: float
+    """Largest acceleration over those limits, at least 1."""
+    drive: Float[Array, " 5"]
+    """Known gains of the drive along x, y and yaw, lag of the motors (s) and delay (s)."""
+    identify: Any
+    """:func:`~omnidrive.estimation.drive_identification.identify` as a
+    :class:`~omnidrive.compiled.CompiledFunction`; None: the drive is not identified."""
+    bounds: DriveSettings
+    """Bounds of the identification."""
+
+
+@compilable
+def drive_model(model: SlipModel) -> DriveModel:
+    """Return the model of the response for the identification."""
+    return DriveModel(model.rim_jacobian, model.inertia, model.stiffness, model.max_force)
+
+
+@compiled
+def fastest_wheel(robot: RobotModel, twist: Vector) -> float:
+    """Return the largest wheel speed of a twist, rad/s."""
+    fastest, wheels = 0.0, robot.wheels
+    for i in range(len(wheels)):
+        speed = wheels[i, 0] * twist[0] + wheels[i, 1] * twist[1] + wheels[i, 2] * twist[2]
+        fastest = max(fastest, abs(speed))
+    return fastest
+
+
+@compiled
+def saturate(robot: RobotModel, twist: Vector) -> Vector:
+    """Return the largest multiple of a twist, at most 1, within the maximum wheel speed."""
+    vx, vy, rate = twist
+    fastest = fastest_wheel(robot, twist)
+    if fastest <= robot.max_wheel_speed:
+        return vx, vy, rate
+    factor = robot.max_wheel_speed / fastest
+    return factor * vx, factor * vy, factor * rate
+
+
+@compiled
+def acceleration_load(faces: Float[Array, "faces 3"], vector: Vector) -> float:
+    """Return the largest component of a vector along the normals of the limits."""
+    load = 0.0
+    for j in range(len(faces)):
+        component = faces[j, 0] * vector[0] + faces[j, 1] * vector[1] + faces[j, 2] * vector[2]
+        load = max(load, abs(component))
+    return load
