@@ -5,10 +5,11 @@ import pickle
 import sys
 from pathlib import Path
 
+import llvmlite.binding as llvm
 import numba
 import numpy as np
 import pytest
-from numba.core import serialize
+from numba.core import serialize, types
 
 import omnidrive
 from omnidrive.compiled import CompiledFunction, cache, compiled, entry_point, kernels
@@ -211,6 +212,25 @@ def test_kernel_calls_another_one_by_its_address():
     (name,) = entries(call_by_address)  # one entry for all functions of the same types
     assert call_by_address(CompiledFunction(largest, numbers, 2.0), numbers) == 9.0
     assert entries(call_by_address) == [name]
+
+
+def test_callees_are_internal_to_the_code_of_their_caller():
+    """LLVM leaves out arguments of internal functions only."""
+    total(np.ones(2), 2.0)
+    (result,) = total.overloads.values()
+    functions = {each.name: each for each in result.library._get_module_for_linking().functions}
+    assert functions["NRT_decref"].linkage == llvm.Linkage.internal
+
+
+def test_callee_is_compiled_once_for_all_constants():
+    for constant in (2, 3):
+        multiplied.get_call_template((types.float64, types.literal(constant)), {})
+    assert list(multiplied.overloads) == [(types.float64, types.int64)]
+
+
+@compiled
+def multiplied(x, factor):
+    return x * factor
 
 
 @compiled

@@ -362,7 +362,7 @@ def test_symmetric_rule_base_gives_odd_surface(system, seed, reduction):
     assume(0.0 not in slopes)  # no vertical side
     symmetric = antisymmetric(system)
     run = Inference(symmetric, reduction=reduction, slices=3, algorithm="eiasc")
-    at = oracle.points_in(symmetric, np.random.default_rng(seed), 20)
+    at = oracle.points_in(symmetric, np.random.default_rng(seed), 8)
     here, there = run.batch(at), run.batch(-at)
     strong = np.array([max((f.upper for f in run.fired_rules(*x)), default=0.0) > 1e-6 for x in at])
     scale = np.maximum(oracle.spans(symmetric), np.abs(here).max(axis=(0, 1)))

@@ -90,8 +90,9 @@ def paper(secondary):
     return system.with_footprint(Footprint(1.0, 0.3), secondary=secondary)
 
 
+@pytest.mark.parametrize("most", [96, pytest.param(256, marks=pytest.mark.long)])
 @pytest.mark.parametrize("secondary", [Secondary(), Secondary(0.6), Secondary(1.0, 0.8, 0.2)])
-def test_type_3_converges_in_number_of_slices(secondary):
+def test_type_3_converges_in_number_of_slices(secondary, most):
     """The width of a z-slice is a square root near its top, also of the lower function's top.
 
     This reduces the order of the midpoint rule by one half at the end, and a little more within.
@@ -101,7 +102,7 @@ def test_type_3_converges_in_number_of_slices(secondary):
     counts = np.array([4, 8, 16, 32])
     options = {"centroid": "matlab"}
     runs = [Inference(system, slices=int(n), **options).batch(at) for n in counts]
-    limit = Inference(system, slices=256, **options).batch(at)
+    limit = Inference(system, slices=most, **options).batch(at)
     errors = np.array([np.abs(run - limit).mean() for run in runs])
     order = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert order > 1.0

@@ -3,21 +3,23 @@
 Numba optimises and emits the machine code of every callee by itself, and again as a part of each of
 its callers, at every level. Here a callee is only translated to LLVM's intermediate language; it is
 linked into the kernel that Python calls, and the whole is optimised and emitted once. This halves
-the time of compilation. A kernel with ``fastmath`` is still optimised by itself first, so that the
-order of its sums does not depend on its callers; all other floating-point operations are strict, so
-that their results do not depend on the order of optimisation.
+the time of compilation. The callees are internal to the whole, so that LLVM leaves out arguments
+that they do not use, such as most fields of an array. A kernel with ``fastmath`` is still optimised
+by itself first, so that the order of its sums does not depend on its callers; all other
+floating-point operations are strict, so that their results do not depend on the order of
+optimisation.
 """
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import llvmlite.binding as llvm
 import numba._dynfunc
-from numba.core import codegen, environment, registry, sigutils
+from numba.core import codegen, compiler, environment, registry, sigutils, targetconfig, types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.runtime import nrt
 
@@ -34,6 +36,10 @@ _environment_of: Any = environment.lookup_environment
 _make_function: Any = numba._dynfunc.make_function
 _normalized: Any = sigutils.normalize_signature
 _runtime: Any = nrt.rtsys
+_Flags: Any = compiler.Flags
+_DEFAULTS = {name: option.default for name, option in _Flags.options.items()}
+_FLAGS_HASH = hash(_Flags())
+_unliteral: Any = types.unliteral
 
 _UNRESOLVED = codegen.RuntimeLinker.PREFIX  # of a recursive call
 _ENVIRONMENT = "_ZN08NumbaEnv"
@@ -68,6 +74,14 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
                     stack.enter_context(reported(self._name))
                 stack.enter_context(_late_code(self, arguments))
                 return super().compile(sig)
+
+    def get_call_template(self, args: Types, kws: Mapping[str, Any]) -> Any:
+        """Return the template of a call; the value of a constant argument is no part of its type.
+
+        Numba compiles a callee again for each constant.
+        """
+        named = {name: _unliteral(kind) for name, kind in kws.items()}
+        return super().get_call_template(tuple(map(_unliteral, args)), named)
 
     def add_overload(self, result: Any) -> None:
         """Register a result; for calls from Python only if it has machine code."""
@@ -118,6 +132,7 @@ class LateLibrary(_Library):  # type: ignore[misc]
         for library in self._callees():
             self._reload_init.update(library._reload_init)
             self._final_module.link_in(_module_of(library), preserve=True)
+        _hide_callees(self._final_module)
         self._optimize_final_module()
         self._final_module.verify()
         self._finalize_final_module()
@@ -131,9 +146,7 @@ class LateLibrary(_Library):  # type: ignore[misc]
         """Module for linking into a caller with those of the callees; None if there is none."""
         if self._before_linking is not None:
             return _linkable(self._before_linking)
-        variables = self._final_module.global_variables
-        recursive = any(variable.name.startswith(_UNRESOLVED) for variable in variables)
-        if self.is_complete or self.is_separate or recursive:
+        if self.is_complete or self.is_separate or _is_recursive(self._final_module):
             return None
         return _linkable(self._final_module)
 
@@ -170,6 +183,20 @@ def _module_of(library: Any) -> Any:
     return library._get_module_for_linking() if module is None else module
 
 
+def _hide_callees(module: Any) -> None:
+    """Make the functions that come from other modules internal, unless one is found by its name."""
+    if _is_recursive(module):
+        return
+    for function in module.functions:
+        if function.linkage == llvm.Linkage.linkonce_odr and not function.is_declaration:
+            function.linkage = llvm.Linkage.internal
+
+
+def _is_recursive(module: Any) -> bool:
+    """Return whether functions of a module are found by their names when its code is loaded."""
+    return any(variable.name.startswith(_UNRESOLVED) for variable in module.global_variables)
+
+
 def _linkable(module: Any) -> Any:
     """Copy of a module whose functions may be inlined, and defined several times."""
     copy = module.clone()
@@ -194,6 +221,7 @@ def _late_code(kernel: Kernel, arguments: Types) -> Iterator[None]:
         gc.disable()  # collections take a sixth of the compile time and find little
         _runtime.initialize(context)
         generator._library_class = LateLibrary
+        _Flags.__eq__, _Flags.__hash__ = _equal_flags, _hash_flags
         context.get_executable = _executable(context.get_executable)
     try:
         yield
@@ -201,9 +229,26 @@ def _late_code(kernel: Kernel, arguments: Types) -> Iterator[None]:
         _requests.pop()
         if outermost:
             del generator._library_class
+            del _Flags.__eq__, _Flags.__hash__
             del context.get_executable
             if collecting:
                 gc.enable()
+
+
+def _equal_flags(flags: Any, other: Any) -> Any:
+    """Return what ``==`` returns for two sets of compiler options.
+
+    Numba looks up every option by its property, in each search for a compiled function.
+    """
+    if type(flags) is not type(other):
+        return targetconfig.TargetConfig.__eq__(flags, other)
+    ours, theirs = flags._values, other._values
+    return ours == theirs or {**_DEFAULTS, **ours} == {**_DEFAULTS, **theirs}
+
+
+def _hash_flags(_: Any) -> int:
+    """Return the hash of compiler options: Numba's is one of their names only, too."""
+    return _FLAGS_HASH
 
 
 def _executable(get_executable: Any) -> Any:

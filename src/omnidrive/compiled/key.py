@@ -35,8 +35,8 @@ from numba.core.extending import _Intrinsic
 
 _config: Any = config  # its attributes are set at run time
 
-_PASSES = "borrowed arrays"
-"""Compiler passes of this package, which determine the machine code as well."""
+_PASSES = "borrowed arrays, internal callees"
+"""What this package changes in the compiler, which determines the machine code as well."""
 
 _LOAD_GLOBAL, _EXTENDED_ARG = opmap["LOAD_GLOBAL"], opmap["EXTENDED_ARG"]
 _CALL_FLAGS = CO_VARARGS | CO_VARKEYWORDS | CO_GENERATOR

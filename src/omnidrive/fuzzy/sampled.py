@@ -123,17 +123,25 @@ def defuzzify_samples(
             running += degrees[i]
             if running >= half:
                 return float(at[i])
-    return select_maximum(defuzzifier, at[degrees == top])
+    maxima, count = np.empty(len(at)), 0
+    for i in range(len(at)):
+        if degrees[i] == top:
+            maxima[count] = at[i]
+            count += 1
+    return select_maximum(defuzzifier, maxima[:count])
 
 
 @compiled
 def select_maximum(defuzzifier: int, maxima: Float[Array, " maxima"]) -> float:
     """Return the maximum that the defuzzifier selects from ascending maxima, or their mean."""
-    if defuzzifier == MOM:
-        return float(maxima.mean())
     if defuzzifier == LM:
         return float(maxima[0])
     if defuzzifier == RM:
-        return float(maxima[-1])
-    sizes = np.abs(maxima)
-    return float(maxima[sizes.argmin() if defuzzifier == SOM else sizes.argmax()])
+        return float(maxima[len(maxima) - 1])
+    total, selected = 0.0, maxima[0]
+    for each in maxima:
+        total += each
+        size, best = abs(each), abs(selected)
+        if size < best if defuzzifier == SOM else size > best:
+            selected = each
+    return float(total / len(maxima) if defuzzifier == MOM else selected)

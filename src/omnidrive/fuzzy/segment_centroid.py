@@ -247,7 +247,10 @@ def _exact_maximum(defuzzifier: int, polyline: Float[Array, "4 pieces"]) -> floa
 
     Candidates on a piece of constant degree are its ends and, as the smallest in size, x = 0.
     """
-    top = max(polyline[2].max(), polyline[3].max()) * (1.0 - 1e-12)
+    top = polyline[2, 0]
+    for k in range(polyline.shape[1]):
+        top = max(top, polyline[2, k], polyline[3, k])
+    top *= 1.0 - 1e-12
     length, moment = 0.0, 0.0
     points = np.empty(3 * polyline.shape[1])
     count = 0

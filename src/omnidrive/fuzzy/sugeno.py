@@ -63,19 +63,23 @@ def sugeno_interval(  # noqa: PLR0917
     if upper.sum() <= 0.0:
         return np.nan, np.nan
     count, width = len(lower), len(x) + 1
-    values = np.empty(count)
+    values, low_weights, high_weights = np.empty(count), np.empty(count), np.empty(count)
     for k in range(count):
         row = (first + k) * width
         value = s.coefficients[row + width - 1]
         for i in range(len(x)):
             value += s.coefficients[row + i] * x[i]
-        values[k] = value
+        place = k  # the values of a mean are in ascending order
+        while not is_sum and place > 0 and values[place - 1] > value:
+            values[place] = values[place - 1]
+            low_weights[place] = low_weights[place - 1]
+            high_weights[place] = high_weights[place - 1]
+            place -= 1
+        values[place], low_weights[place], high_weights[place] = value, lower[k], upper[k]
     if is_sum:
         low, high = 0.0, 0.0
         for k in range(count):
             a, b = lower[k] * values[k], upper[k] * values[k]
             low, high = low + min(a, b), high + max(a, b)
         return low, high
-    order = np.argsort(values)
-    at, low_weights, high_weights = values[order], lower[order], upper[order]
-    return type_reduce(algorithm, at, low_weights, high_weights)
+    return type_reduce(algorithm, values, low_weights, high_weights)
