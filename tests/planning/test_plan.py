@@ -23,10 +23,13 @@ def room(*walls):
     return OccupancyGrid(occupied, 0.1)
 
 
-def plan_path(grid, start=(1.0, 1.0), goal=(5.0, 3.0), inflation=0.3, **options):
+def plan_path(
+    grid, start=(1.0, 1.0), goal=(5.0, 3.0), inflation=0.3, least_inflation=0.0, **options
+):
     return plan(
-        grid, Waypoint(*start), Waypoint(*goal), inflation=inflation, options=PathOptions(**options)
-    )
+        grid, Waypoint(*start), Waypoint(*goal), inflation=inflation,
+        options=PathOptions(**options), least_inflation=least_inflation,
+    )  # fmt: skip
 
 
 @examples(40)
@@ -108,6 +111,22 @@ def test_map_without_free_cells_is_reported():
         match=r"lower the margin .--margin on the command line; .* keyword inflation",
     ):
         plan_path(ROOM, inflation=3.0)
+
+
+def test_way_out_of_a_narrow_map_helps():
+    """A lower margin is advised only if there is a path without a margin."""
+    occupied = np.zeros((40, 60), bool)
+    occupied[:, 30] = True
+    occupied[10:15, 30] = False  # a gap of 0.5 m
+    grid = OccupancyGrid(occupied, 0.1)
+    for least, advice in ((0.1, "lower the margin"), (0.35, "the robot is too large without a")):
+        with pytest.raises(NoPathFound, match=advice):
+            plan_path(grid, inflation=0.4, least_inflation=least)
+    occupied[10:15, 30] = True
+    with pytest.raises(NoPathFound, match="a robot of any size needs a gap in the obstacles"):
+        plan_path(grid, inflation=0.4)
+    with pytest.raises(InvalidWaypoint, match="the robot is too large without a margin"):
+        plan_path(ROOM, inflation=3.0, least_inflation=2.9)
 
 
 def test_spline_needs_four_finite_control_points():

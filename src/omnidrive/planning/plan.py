@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from numbers import Real
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
@@ -29,11 +29,13 @@ _CLEARANCE = 0.2
 affects the smoothness."""
 _DRAWN = 300  # points of the path in notebooks
 
-_NARROW = (
+_LOWER_MARGIN = (
     "lower the margin (--margin on the command line; in Python it is part of the keyword "
     "inflation), or choose a smaller robot or a finer map"
 )
-"""Way out of a map that is too narrow for the robot."""
+_SMALLER_ROBOT = "choose a smaller robot or a finer map; the robot is too large without a margin"
+_BLOCKED = "a robot of any size needs a gap in the obstacles; check start, goal and map"
+"""Ways out of a map that is too narrow for the robot."""
 
 
 class Waypoint(NamedTuple):
@@ -134,6 +136,7 @@ def plan(
     inflation: float,
     options: PathOptions,
     inflation_note: str = "",
+    least_inflation: float = 0.0,
 ) -> Plan:
     """Search a path over cells whose centres keep ``inflation`` (m) from obstacles, and smooth it.
 
@@ -147,6 +150,7 @@ def plan(
         inflation: Distance in m, 0 or more.
         options: Options of the search and the smoothing.
         inflation_note: Composition of the inflation, for messages.
+        least_inflation: Inflation without a margin, m, for messages.
 
     Raises:
         InvalidInput: The inflation is negative or not finite, or a heading seems to be in degrees.
@@ -156,22 +160,19 @@ def plan(
     start, goal = _numbers("start", start), _numbers("goal", goal)
     free_space = grid.inflated(inflation)
     needed = f"{inflation:.4g} m" + (f" ({inflation_note})" if inflation_note else "")
+    _check_free(grid, free_space, (inflation, least_inflation), needed)
     for name, waypoint in (("start", start), ("goal", goal)):
         _check_waypoint(grid, free_space, name, waypoint, needed)
     try:
-        found = search(
-            free_space,
-            free_space.cell(start.x, start.y),
-            free_space.cell(goal.x, goal.y),
-            method=options.search,
-            heuristic=options.heuristic,
-            cut_corners=options.cut_corners,
-        )
+        found = _search(free_space, start, goal, options)
     except NoPathFound as error:
         if inflation == 0.0:
             raise
+        advice = _way_out(
+            grid, inflation, least_inflation, lambda free: _has_path(free, start, goal, options)
+        )
         raise NoPathFound(
-            f"{error}; the robot's centre must keep {needed} from every obstacle: {_NARROW}"
+            f"{error}; the robot's centre must keep {needed} from every obstacle: {advice}"
         ) from None
     points = free_space.centres(found.cells)
     points = np.vstack([points, points[-1:]]) if len(points) == 1 else points
@@ -200,8 +201,48 @@ def _numbers(name: str, waypoint: Waypoint) -> Waypoint:
     return Waypoint(*map(float, numbers))
 
 
+def _search(
+    free_space: OccupancyGrid, start: Waypoint, goal: Waypoint, options: PathOptions
+) -> SearchResult:
+    """Search the grid path; raise NoPathFound if there is none."""
+    return search(
+        free_space,
+        free_space.cell(start.x, start.y),
+        free_space.cell(goal.x, goal.y),
+        method=options.search,
+        heuristic=options.heuristic,
+        cut_corners=options.cut_corners,
+    )
+
+
+def _has_path(
+    free_space: OccupancyGrid, start: Waypoint, goal: Waypoint, options: PathOptions
+) -> bool:
+    """Return whether there is a grid path."""
+    try:
+        _search(free_space, start, goal, options)
+    except NoPathFound:
+        return False
+    return True
+
+
+def _check_free(
+    grid: OccupancyGrid, free_space: OccupancyGrid, inflations: tuple[float, float], needed: str
+) -> None:
+    """Raise InvalidWaypoint if no cell is free; ``needed`` names the first of the inflations."""
+    if free_space.occupied.all():
+        advice = _way_out(grid, *inflations, lambda free: not free.occupied.all())
+        raise InvalidWaypoint(
+            f"no free cell of the map keeps {needed} from every obstacle; {advice}"
+        )
+
+
 def _check_waypoint(
-    grid: OccupancyGrid, free_space: OccupancyGrid, name: str, waypoint: Waypoint, needed: str
+    grid: OccupancyGrid,
+    free_space: OccupancyGrid,
+    name: str,
+    waypoint: Waypoint,
+    needed: str,
 ) -> None:
     """Raise InvalidWaypoint outside the map, in an obstacle or nearer to one than ``needed``."""
     where = f"the {name} ({waypoint.x:g}, {waypoint.y:g}) m"
@@ -219,10 +260,7 @@ def _check_waypoint(
     if not free_space.is_occupied(waypoint.x, waypoint.y):
         return
     nearest = free_space.nearest_free(waypoint.x, waypoint.y)
-    if nearest is None:
-        raise InvalidWaypoint(
-            f"no free cell of the map keeps {needed} from every obstacle; {_NARROW}"
-        )
+    assert nearest is not None  # there are free cells
     cell, distance = nearest
     near = free_space.centre(*cell)
     if grid.is_occupied(waypoint.x, waypoint.y):
@@ -237,3 +275,22 @@ def _check_waypoint(
         f"{where} {fact}; the nearest valid position is ({near[0]:g}, {near[1]:g}) m, "
         f"{distance:.2g} m away"
     )
+
+
+def _way_out(
+    grid: OccupancyGrid,
+    inflation: float,
+    least: float,
+    is_wide_enough: Callable[[OccupancyGrid], bool],
+) -> str:
+    """Return what makes a map wide enough for the robot.
+
+    Args:
+        grid: The map.
+        inflation: Inflation with which it is too narrow, m.
+        least: Inflation without a margin, m.
+        is_wide_enough: Whether an inflated map is wide enough.
+    """
+    if least < inflation and is_wide_enough(grid.inflated(least)):
+        return _LOWER_MARGIN
+    return _SMALLER_ROBOT if is_wide_enough(grid) else _BLOCKED
