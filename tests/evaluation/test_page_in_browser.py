@@ -14,8 +14,8 @@ from PIL import Image
 from omnidrive.evaluation import Table, headline, study_tables, verdicts
 from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.evidence_tables import evidence_tables
-from omnidrive.evaluation.page import write_page
-from omnidrive.evaluation.page.evidence import EvidencePage, PageFigure
+from omnidrive.evaluation.page import PageFigure, write_page
+from omnidrive.evaluation.page.evidence import EvidencePage
 from omnidrive.evaluation.palette import controller_styles
 from omnidrive.evaluation.run_table import RunTable
 from omnidrive.evaluation.study_answer import study_answers

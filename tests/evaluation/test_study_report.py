@@ -10,11 +10,12 @@ from matplotlib.figure import Figure
 
 from omnidrive.errors import InvalidInput
 from omnidrive.evaluation.evidence import StudyEvidence
-from omnidrive.evaluation.evidence_tables import evidence_tables
+from omnidrive.evaluation.evidence_tables import _interval_note, evidence_tables
 from omnidrive.evaluation.figures.study_catalogue import study_figures
 from omnidrive.evaluation.figures.study_cost import CostPoint, cost_points, pareto_front
 from omnidrive.evaluation.figures.study_distributions import paired_intervals
-from omnidrive.evaluation.page.evidence import EvidencePage, PageFigure
+from omnidrive.evaluation.page import PageFigure
+from omnidrive.evaluation.page.evidence import EvidencePage
 from omnidrive.evaluation.run_table import RunTable
 from omnidrive.evaluation.study_answer import percent, study_answers
 from omnidrive.evaluation.study_facts import StudyFacts
@@ -213,3 +214,8 @@ def test_sequential_study_says_so(study):
     page = page_of(sequential, facts)
     assert "always valid" in page
     assert "studentised" not in page
+
+
+def test_notes_explain_intervals_only_where_there_are_some():
+    assert _interval_note([("a", "1.0 ± 0.2")]) == " ± half its 95 % interval"
+    assert not _interval_note([("a", "1.0")])

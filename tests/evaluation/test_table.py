@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.evaluation import Table, study_tables, write_tables
+from omnidrive.evaluation.page.markup import tables_markup
 from omnidrive.evaluation.results import ControllerType
 from omnidrive.evaluation.table import RESOLUTION, leading_number, number_text
 from omnidrive.evaluation.table_files import csv_text, latex_text
@@ -137,3 +138,25 @@ def test_details_are_left_to_the_full_output(study):
     (tracking,) = (table for table in tables if "without noise" in table.title)
     omitted = set(tracking.columns) - set(tracking.brief().columns)
     assert {"effort, rad/s²", "p99, µs", "min. clearance, mm"} <= omitted
+
+
+def test_footnote_explains_only_columns_that_the_table_has():
+    table = Table(
+        "t", ("a", "b, mm", "c"), (("x", "1", "2"),), "All runs.",
+        (("b, mm", "B: width."), ("c", "C: count."), ("a", "B: width.")),
+    )  # fmt: skip
+    assert table.footnote == "All runs. B: width. C: count."
+    assert table.select([2]).footnote == "All runs. C: count."
+    for text in (latex_text(table.select([2])), tables_markup([table.select([2])])):
+        assert "C: count." in text
+        assert "width" not in text
+
+
+def test_tables_of_a_study_explain_nothing_that_they_lack(part):
+    verdict, errors = study_tables(part, published=False)[:2]
+    assert "ME: mean distance" in verdict.footnote
+    for absent in ("Settling", "Path ME", "p-value"):
+        assert absent not in verdict.footnote + errors.footnote
+    assert "first 2 s" in errors.footnote
+    kept = [i for i, name in enumerate(errors.columns) if name != "ME after 2 s"]
+    assert "first 2 s" not in errors.select(kept).footnote

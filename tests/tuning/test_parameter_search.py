@@ -126,5 +126,5 @@ def test_rules_are_searched_too():
         return [[record(me=1e-3 * (1.0 + 3.0 * 49 - table.sum()))] for table in tables]
 
     space = parameter_space(configure("controllers", "fuzzy_t1"), "paper", choose=["*.rules.*"])
-    found = search(space, [parse_objective("me")], [], evaluate, Budget(120), 1)
+    found = search(space, [parse_objective("me")], [], evaluate, Budget(60), 1)
     assert found.best.score.objectives[0] < 0.9 * found.trials[0].score.objectives[0]

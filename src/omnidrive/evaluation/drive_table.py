@@ -10,6 +10,19 @@ _NORMAL_95 = 1.96
 """Half of the 95 % interval of a normal distribution, in standard deviations."""
 
 
+_DASH = " A dash: the motion did not suffice to estimate it."
+_GAIN = "Gain: executed over commanded twist."
+_LAG = "Lag: time constant of the motors in addition to that of the model."
+_DEFINITIONS = (
+    ("gain x", _GAIN),
+    ("gain y", _GAIN),
+    ("gain yaw", _GAIN),
+    ("lag, ms", _LAG),
+    ("lag yaw, ms", _LAG),
+    ("delay, ms", "Delay: of the commands."),
+)
+
+
 def drive_table(results: StudyResults) -> Table:
     """Return a table of gains, lags and delay at the end of every run that logs them."""
     rows = []
@@ -21,9 +34,9 @@ def drive_table(results: StudyResults) -> Table:
         "Identified drive",
         ("run", "gain x", "gain y", "gain yaw", "lag, ms", "lag yaw, ms", "delay, ms"),
         tuple(rows),
-        "Estimates at the end of a run, ± half of their 95 % intervals. Gain: executed over "
-        "commanded twist. Lag: time constant of the motors in addition to that of the model. "
-        "Delay: of the commands. A dash: the motion did not suffice to estimate it.",
+        "Estimates at the end of a run, ± half of their 95 % intervals."
+        + (_DASH if any(NO_VALUE in row for row in rows) else ""),
+        definitions=_DEFINITIONS,
         is_detail=True,
     )
 

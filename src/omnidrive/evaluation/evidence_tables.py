@@ -100,9 +100,9 @@ def _summary_tables(answers: Sequence[TaskAnswer]) -> list[Table]:
             f"Distribution of {measure.label}",
             ("task", "controller", "rank", *values, "success rate", "runs"),
             rows,
-            f"{measure.meaning.capitalize() or measure.label}, over the finished runs. Mean ± half "
-            "its 95 % interval over the repetitions; p95: 95 % of the runs are at least as good. "
-            "Rank 1: the best, and all from which no difference is shown.",
+            f"{measure.meaning.capitalize() or measure.label}, over the finished runs. "
+            f"Mean: over the repetitions{_interval_note(rows)}. p95: 95 % of the runs are at least "
+            "as good. Rank 1: the best, and all from which no difference is shown.",
             keys=2,
         )
         lower = measure.lower_is_better
@@ -131,6 +131,12 @@ def _summary_row(summary: Summary, rank: str) -> tuple[str, ...]:
         percent(summary.success_rate),
         str(summary.runs),
     )
+
+
+def _interval_note(rows: Sequence[Sequence[str]]) -> str:
+    """Return what follows ± in the cells of a table; empty if there is none."""
+    is_shown = any("±" in cell for row in rows for cell in row)
+    return " ± half its 95 % interval" if is_shown else ""
 
 
 def _mean_cell(summary: Summary) -> str:
@@ -164,7 +170,7 @@ def _secondary_table(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> Tab
         "Other quantities",
         ("task", "controller", *headings),
         tuple(rows) if names else (),
-        "Mean over the finished runs ± half its 95 % interval over the repetitions.",
+        f"Mean over the finished runs of the repetitions{_interval_note(rows)}.",
         keys=2,
     ).mark_best(better, worse, group=0)
 
@@ -226,15 +232,17 @@ def _axis_table(study: StudyEvidence, answers: Sequence[TaskAnswer], path: str) 
             rows += _level_rows(task, level_text(each.level), each.evidence)
     controllers = list(dict.fromkeys(s.controller for a in answers for s in a.evidence.summaries))
     lost = not study.runs.finished.all()
+    shown = tuple(
+        (task, level, label, *(cells.get(name, NO_VALUE) for name in controllers), best)
+        for task, level, label, cells, best in rows
+    )
     return Table(
         f"By {path}",
         ("task", path, "quantity", *controllers, "best"),
-        tuple(
-            (task, level, label, *(cells.get(name, NO_VALUE) for name in controllers), best)
-            for task, level, label, cells, best in rows
-        ),
-        "Mean ± half its 95 % interval over the repetitions; other axes are averaged. Best: no "
-        "difference is shown between several (Holm-corrected over all pairs and values)."
+        shown,
+        f"Mean over the repetitions{_interval_note(shown)}; other axes are averaged. Best: several "
+        "if no difference between them is shown, a dash if none is shown at all (Holm-corrected "
+        "over all pairs and values)."
         + (" In parentheses: success rate, if a run failed." if lost else ""),
         keys=3,
     )

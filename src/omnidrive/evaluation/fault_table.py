@@ -22,10 +22,22 @@ def fault_table(results: StudyResults) -> Table:
         ("fault", "controller", "recovered", "max. error, mm", "time to recover, s", "ME, mm",
          "first detection"),
         tuple(rows),
-        "Recovered: from some time until the end, the position error exceeds that of the same "
-        "controller without the fault by at most 0.05 m. Time to recover: from the start of the "
-        "fault; 0: this limit was never exceeded. Stopped: by the watchdog. First detection: the "
-        "first event that the watchdog or the wheel monitor reported.",
+        "Stopped: by the watchdog." if any(row[2].startswith("stopped") for row in rows) else "",
+        definitions=(
+            (
+                "recovered",
+                "Recovered: from some time until the end, the position error exceeds that of the "
+                "same controller without the fault by at most 0.05 m.",
+            ),
+            (
+                "time to recover, s",
+                "Time to recover: from the start of the fault; 0: this limit was never exceeded.",
+            ),
+            (
+                "first detection",
+                "First detection: the first event that the watchdog or the wheel monitor reported.",
+            ),
+        ),
         keys=2,
         prose=True,
     ).mark_best(("max. error, mm", "time to recover, s", "ME, mm"), group=0)  # fmt: skip

@@ -10,7 +10,8 @@ from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.evidence_tables import evidence_tables
 from omnidrive.evaluation.figures.study_catalogue import study_figures
 from omnidrive.evaluation.figures.style import save
-from omnidrive.evaluation.page.evidence import EvidencePage, PageFigure
+from omnidrive.evaluation.page import PageFigure
+from omnidrive.evaluation.page.evidence import EvidencePage
 from omnidrive.evaluation.published_claims import check_claims, claims_table, published_table
 from omnidrive.evaluation.study_answer import study_answers
 from omnidrive.evaluation.study_facts import StudyFacts

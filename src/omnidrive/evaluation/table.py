@@ -19,7 +19,8 @@ class Table:
         title: Title, unique in a study.
         columns: Heading of each column, with its unit after a comma.
         rows: Cells of each row.
-        note: Text below the table; may be empty.
+        note: Text about the whole table; may be empty.
+        definitions: Heading of a column, and a text that explains it.
         keys: Number of leading columns that identify a row.
         prose: Whether the last column contains sentences, which may be wrapped.
         best: Row and column of each cell with the best value of its column.
@@ -33,6 +34,7 @@ class Table:
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
+    definitions: tuple[tuple[str, str], ...] = ()
     keys: int = 1
     prose: bool = False
     best: frozenset[tuple[int, int]] = frozenset()
@@ -45,6 +47,12 @@ class Table:
     def stem(self) -> str:
         """Title in lower case with hyphens, for the names of files."""
         return re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
+
+    @property
+    def footnote(self) -> str:
+        """Text below the table: the note, and the definitions of the columns that it has."""
+        explained = dict.fromkeys(text for name, text in self.definitions if name in self.columns)
+        return " ".join(text for text in (self.note, *explained) if text)
 
     def brief(self) -> Table:
         """Return the table without the columns in :attr:`details`."""

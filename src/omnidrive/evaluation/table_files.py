@@ -75,7 +75,7 @@ def latex_text(table: Table) -> str:
             )
         )
     lines += [r"\bottomrule", r"\end{tabular}"]
-    lines += [rf"\par\smallskip\footnotesize {_escape(table.note)}"] if table.note else []
+    lines += [rf"\par\smallskip\footnotesize {_escape(table.footnote)}"] if table.footnote else []
     return "\n".join([*lines, r"\end{table}", ""])
 
 

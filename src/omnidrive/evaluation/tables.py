@@ -113,6 +113,22 @@ def _path_cells(result: TrackResult, shown: bool) -> tuple[str, ...]:
     return tuple(_cell(result, *each) if shown else "" for each in values)
 
 
+_TRACKING_DEFINITIONS = (
+    ("ME, mm", "ME: mean distance to the reference."),
+    ("MAE, mrad", "MAE: mean absolute heading error, wrapped."),
+    (
+        "ME after 2 s",
+        "The robot starts from rest. If the reference starts with a nonzero speed, as in the "
+        "paper, the first 2 s cause most of the mean error of an accurate controller.",
+    ),
+    (
+        "path ME, mm",
+        "Path ME and MAE: at the nearest point of the path of a reference that is too fast.",
+    ),
+    ("arrival, s", "Arrival: within 0.05 m of its end."),
+)
+
+
 def _tracking_table(results: StudyResults, published: bool) -> Table:
     rows = []
     late = {r.duration for r in results.select("track") if r.is_late}
@@ -129,15 +145,7 @@ def _tracking_table(results: StudyResults, published: bool) -> Table:
         ("time", "controller", "ME, mm", "paper ME", "MAE, mrad", "paper MAE",
          "ME after 2 s", "MAE after 2 s", *_PATH_COLUMNS, *_COST_COLUMNS),
         tuple(rows),
-        "ME: mean distance to the reference. MAE: mean absolute heading error, wrapped. The robot "
-        "starts from rest. If the reference starts with a nonzero speed, as in the paper, the "
-        "first 2 s cause most of the mean error of an accurate controller."
-        + (
-            " Path ME and MAE: at the nearest point of the path of a reference that is too fast. "
-            "Arrival: within 0.05 m of its end."
-            if late
-            else ""
-        ),
+        definitions=_TRACKING_DEFINITIONS,
         keys=2,
         details=_DETAILS | {"MAE after 2 s"},
     ).mark_best(
@@ -169,15 +177,12 @@ def _noise_table(results: StudyResults, published: bool) -> Table:
         ("time", "controller", "ME measured, mm", "paper ME", "MAE measured, mrad", "paper MAE",
          "ME true, mm", "MAE true, mrad", *_COST_COLUMNS),
         tuple(rows),
-        (
-            "Measured: error of the estimated pose that the controllers received. True: error of "
-            "the true pose."
-            if estimated
-            else "Measured: error of the noisy pose, as the paper's author computed it. True: "
-            "error of the true pose. The noise is biased; without an estimator, no controller can "
-            "remove the resulting error."
-        )
-        + (_SEEDS_NOTE.format(results.repeats) if repeated else ""),
+        _SEEDS_NOTE.format(results.repeats) if repeated else "",
+        definitions=(
+            ("ME measured, mm", _MEASURED_ESTIMATE if estimated else _MEASURED_NOISE),
+            ("ME true, mm", "True: error of the true pose."),
+            *(_SEEDS_DEFINITIONS if repeated else ()),
+        ),
         keys=2,
         details=_DETAILS | {"MAE true, mrad"},
     ).mark_best(
@@ -186,9 +191,15 @@ def _noise_table(results: StudyResults, published: bool) -> Table:
     )  # fmt: skip
 
 
-_SEEDS_NOTE = (
-    " Over {} seeds: mean ± half the width of its 95 % confidence interval; maximum error and "
-    "minimum clearance are over all runs."
+_MEASURED_ESTIMATE = "Measured: error of the estimated pose that the controllers received."
+_MEASURED_NOISE = (
+    "Measured: error of the noisy pose, as the paper's author computed it. The noise is biased; "
+    "without an estimator, no controller can remove the resulting error."
+)
+_SEEDS_NOTE = "Over {} seeds: mean ± half the width of its 95 % confidence interval."
+_SEEDS_DEFINITIONS = (
+    ("max. error, mm", "Maximum error: over all runs."),
+    ("min. clearance, mm", "Minimum clearance: over all runs."),
 )
 
 
@@ -294,10 +305,16 @@ def _horizon_table(results: StudyResults) -> Table:
         "NMPC by prediction horizon",
         ("horizon", "ME, mm", "MAE, mrad", "fallbacks", "active limits, %", *_COST_COLUMNS),
         tuple(rows),
-        "The paper shows these results only as bars. Fallbacks: steps without a converged "
-        "solution. Active limits: share of the steps with an active inequality constraint. Only "
-        "in these steps does the horizon affect the holonomic NMPC: otherwise its terminal cost "
-        "equals the cost of the remaining path.",
+        "The paper shows these results only as bars.",
+        definitions=(
+            ("fallbacks", "Fallbacks: steps without a converged solution."),
+            (
+                "active limits, %",
+                "Active limits: share of the steps with an active inequality constraint. Only in "
+                "these steps does the horizon affect the holonomic NMPC: otherwise its terminal "
+                "cost equals the cost of the remaining path.",
+            ),
+        ),
         details=_DETAILS,
     ).mark_best(("ME, mm", "MAE, mrad", *_LOW_COSTS), ("min. clearance, mm",))  # fmt: skip
 

@@ -7,25 +7,35 @@ from collections.abc import Sequence
 from omnidrive.evaluation.table import NO_VALUE, Table, number_text
 from omnidrive.evaluation.verdict import Verdict, headline
 
+_MEASURES = {
+    "me": "ME: mean distance to the reference; with noise, of the true pose.",
+    "path_me": "Path ME: mean distance to the path of a reference that is too fast.",
+    "settling_time": "Settling: of the slowest axis.",
+}
+_DEFINITIONS = (
+    ("factor", "Factor: result of the next over that of the best."),
+    (
+        "confidence",
+        "Confidence: 95 % interval of the factor over the seeds, and p-value of equal means "
+        "(Holm-corrected).",
+    ),
+)
+
 
 def verdict_table(found: Sequence[Verdict]) -> Table:
     """Return a table with the best controller of each task, its advantage and its cost."""
-    note = (
-        "Factor: result of the next over that of the best. Confidence: 95 % interval of the factor "
-        "over the seeds, and p-value of equal means (Holm-corrected). ME: mean distance to the "
-        "reference; with noise, of the true pose. Settling: of the slowest axis."
-    )
-    if any(verdict.measure == "path_me" for verdict in found):
-        note += " Path ME: mean distance to the path of a reference that is too fast."
+    measures = {verdict.measure for verdict in found}
+    note = " ".join(text for measure, text in _MEASURES.items() if measure in measures)
     unranked = [f"{', '.join(v.unranked)} ({v.name})" for v in found if v.unranked]
     if unranked:
         note += (
             f" Not ranked, because a run stopped early or did not settle: {'; '.join(unranked)}."
         )
+    is_repeated = any(v.advantage is not None and v.advantage.seeds > 1 for v in found)
     sentences = tuple((v.name, v.best.name, _text(v)) for v in found)
     compact = Table(
-        "Verdict", ("task", "best", "result"), sentences,
-        note, keys=2, prose=True,
+        "Verdict", ("task", "best", "result"), sentences, note,
+        tuple(("result", text) for _, text in _DEFINITIONS[1:] if is_repeated), keys=2, prose=True,
     )  # fmt: skip
     return Table(
         "Verdict",
@@ -33,6 +43,7 @@ def verdict_table(found: Sequence[Verdict]) -> Table:
          "work, J", "work of next, J", "step time, µs", "step time of next, µs"),
         tuple(_row(verdict) for verdict in found),
         note,
+        definitions=_DEFINITIONS if is_repeated else _DEFINITIONS[:1],
         keys=2,
         compact=compact,
         lead=" ".join(headline(found)),

@@ -14,9 +14,11 @@ from shlex import quote
 from matplotlib.figure import Figure
 
 from omnidrive.evaluation.figures.style import save
-from omnidrive.evaluation.page.evidence import PageFigure, figure_markup, items_markup
-from omnidrive.evaluation.page.markup import tables_markup
-from omnidrive.evaluation.page.writer import content_policy, fill_template, read_parts
+from omnidrive.evaluation.page.evidence import (
+    evidence_document,
+    items_markup,
+)
+from omnidrive.evaluation.page.markup import PageFigure, figure_markup, tables_markup
 from omnidrive.evaluation.table import Table
 from omnidrive.files.output_file import create_folder, output_file
 from omnidrive.study import StudyDefinition
@@ -195,10 +197,6 @@ def _figures(result: TuningResult) -> Iterator[tuple[str, str, str, Figure]]:
 
 def _page(result: TuningResult, figures: Sequence[PageFigure]) -> str:
     """Return the HTML report; its content security policy permits only its own scripts."""
-    styles, early, late = (
-        read_parts(names)
-        for names in (("page.css", "evidence.css"), ("theme.js",), ("evidence.js",))
-    )
     settings, folder = result.tuning.settings, result.folder
     name = quote(str(folder))
     file = quote(str(folder / PARAMETERS_FILE))
@@ -207,7 +205,8 @@ def _page(result: TuningResult, figures: Sequence[PageFigure]) -> str:
         for each in (SETTINGS_FILE, TRAINING_FILE, HELD_OUT_FILE, PARAMETERS_FILE, "trials.csv")
     }
     parts = {
-        "policy": content_policy(early + late, styles),
+        "kind": "tuning",
+        "question": "",
         "title": escape(f"{settings.controller}: {', '.join(settings.objectives)}"),
         "facts": items_markup(_facts(result)),
         "lead": escape(lead(result)),
@@ -218,11 +217,8 @@ def _page(result: TuningResult, figures: Sequence[PageFigure]) -> str:
         "command": escape(f"omnidrive tune {name}"),
         "hashes": items_markup(hashes),
         "parameters": escape((folder / PARAMETERS_FILE).read_text(encoding="utf-8")),
-        "styles": "".join(f"<style>{text}</style>\n" for text in styles),
-        "early": "".join(f"<script>{text}</script>\n" for text in early),
-        "scripts": "".join(f"<script>{text}</script>\n" for text in late),
     }
-    return fill_template("tuning.html", parts)
+    return evidence_document("tuning.html", parts)
 
 
 def _facts(result: TuningResult) -> dict[str, str]:

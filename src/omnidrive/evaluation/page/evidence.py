@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from html import escape
 from typing import NamedTuple
 
 from omnidrive.evaluation.evidence import StudyEvidence
-from omnidrive.evaluation.page.markup import tables_markup
-from omnidrive.evaluation.page.writer import content_policy, fill_template, read_parts
+from omnidrive.evaluation.page.markup import PageFigure, figure_markup, tables_markup
+from omnidrive.evaluation.page.writer import document, read_parts
 from omnidrive.evaluation.palette import ControllerStyle
 from omnidrive.evaluation.study_answer import TaskAnswer, value_text
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.table import NO_VALUE, Table
 
 _STYLES = ("page.css", "evidence.css")
-_EARLY = ("theme.js",)
 _SCRIPTS = ("evidence.js",)
 _SHOWN_SENTENCES = 3  # of a card; the others are in a fold
 
@@ -34,15 +32,6 @@ _ALWAYS_VALID = (
 )
 
 
-class PageFigure(NamedTuple):
-    """A figure of the report."""
-
-    title: str
-    caption: str
-    svg: bytes
-    """Content of an SVG file."""
-
-
 class EvidencePage(NamedTuple):
     """Content of the report of a study."""
 
@@ -57,14 +46,11 @@ class EvidencePage(NamedTuple):
 
     def text(self) -> str:
         """Return the HTML; its content security policy permits only its own scripts."""
-        styles, early, late = (read_parts(names) for names in (_STYLES, _EARLY, _SCRIPTS))
-        styles = [*styles, _swatch_style(self.styles)]
         facts = self.facts
-        title = facts.name
         parts = {
-            "policy": content_policy(early + late, styles),
-            "title": escape(title),
-            "question": f'<p class="question">{escape(facts.question)}</p>'
+            "kind": "study",
+            "title": escape(facts.name),
+            "question": f'    <p class="question">{escape(facts.question)}</p>\n'
             if facts.question else "",
             "facts": items_markup(self._figures_of_the_study()),
             "partial": self._partial(),
@@ -78,11 +64,8 @@ class EvidencePage(NamedTuple):
             "command": escape(facts.command),
             "hashes": items_markup({**facts.hashes, **facts.versions}),
             "definition": escape(facts.definition),
-            "styles": "".join(f"<style>{text}</style>\n" for text in styles),
-            "early": "".join(f"<script>{text}</script>\n" for text in early),
-            "scripts": "".join(f"<script>{text}</script>\n" for text in late),
         }  # fmt: skip
-        return fill_template("evidence.html", parts)
+        return evidence_document("evidence.html", parts, [_swatch_style(self.styles)])
 
     def _figures_of_the_study(self) -> dict[str, str]:
         """Return the numbers of runs, repetitions, controllers and axes."""
@@ -123,6 +106,17 @@ class EvidencePage(NamedTuple):
         )
 
 
+def evidence_document(template: str, parts: Mapping[str, str], styles: Sequence[str] = ()) -> str:
+    """Return a page with the styles and the scripts of evidence.
+
+    Args:
+        template: See :func:`~omnidrive.evaluation.page.writer.document`.
+        parts: See there.
+        styles: Texts of further style sheets.
+    """
+    return document(template, parts, [*read_parts(_STYLES), *styles], read_parts(_SCRIPTS))
+
+
 def _card(answer: TaskAnswer) -> str:
     """Return the list item of one task: the best controllers and their comparisons."""
     evidence = answer.evidence
@@ -143,17 +137,6 @@ def _card(answer: TaskAnswer) -> str:
         f'<li class="card"><b class="task">{escape(evidence.task.label)}</b>{best}'
         f"<span>{escape(evidence.measure.label)} {escape(value)}</span>"
         f'<ul class="sentences">{"".join(shown)}</ul>{more}</li>'
-    )
-
-
-def figure_markup(figure: PageFigure) -> str:
-    """Return a figure with its title and caption."""
-    data = b64encode(figure.svg).decode()
-    return (
-        f'<figure class="card"><h3>{escape(figure.title)}</h3>'
-        f'<img alt="{escape(figure.title)}. {escape(figure.caption)}" '
-        f'src="data:image/svg+xml;base64,{data}">'
-        f"<figcaption>{escape(figure.caption)}</figcaption></figure>"
     )
 
 

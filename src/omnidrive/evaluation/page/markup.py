@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Sequence
 from html import escape
 from math import atan2, degrees
+from typing import NamedTuple
 
 from omnidrive.evaluation.results import StudyResults
 from omnidrive.evaluation.table import Table
@@ -12,9 +14,39 @@ from omnidrive.evaluation.verdict import Verdict, headline, verdicts
 from omnidrive.robot import Robot
 
 
+class PageFigure(NamedTuple):
+    """A figure of the report."""
+
+    title: str
+    caption: str
+    svg: bytes
+    """Content of an SVG file."""
+
+
 def tables_markup(tables: Sequence[Table], *, first: int = 0) -> str:
     """Return the HTML of all tables, one section each; ``first`` is the number in the first id."""
     return "\n".join(_table(k, table) for k, table in enumerate(tables, first))
+
+
+def figures_markup(figures: Sequence[PageFigure]) -> str:
+    """Return the section of figures; empty without any."""
+    if not figures:
+        return ""
+    return (
+        '<section aria-labelledby="figures-title">\n<h2 id="figures-title">Figures</h2>\n'
+        f'<div class="figures">\n{chr(10).join(map(figure_markup, figures))}\n</div>\n</section>'
+    )
+
+
+def figure_markup(figure: PageFigure) -> str:
+    """Return a figure with its title and caption."""
+    data = b64encode(figure.svg).decode()
+    return (
+        f'<figure class="card"><h3>{escape(figure.title)}</h3>'
+        f'<img alt="{escape(figure.title)}. {escape(figure.caption)}" '
+        f'src="data:image/svg+xml;base64,{data}">'
+        f"<figcaption>{escape(figure.caption)}</figcaption></figure>"
+    )
 
 
 def verdict_markup(results: StudyResults) -> str:
@@ -90,7 +122,9 @@ def _table(k: int, table: Table) -> str:
     )
     best = [{i for row, i in table.best if row == k} for k in range(len(table.rows))]
     body = "\n".join(_row(classes, row, best[k]) for k, row in enumerate(table.rows))
-    text = " ".join(t for t in ("Bold: best in its column." if table.best else "", table.note) if t)
+    text = " ".join(
+        t for t in ("Bold: best in its column." if table.best else "", table.footnote) if t
+    )
     note = f'<p class="note">{escape(text)}</p>' if text else ""
     return (
         f'<section class="card table-card">\n'

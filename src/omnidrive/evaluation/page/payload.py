@@ -148,7 +148,10 @@ def _controller(
 
 def _run(run: Run, label: str, short: str, style: ControllerStyle) -> dict[str, Any]:
     is_shown = not np.array_equal(run.measured, run.pose)  # noisy or estimated
-    speed = np.hypot(run.twist[:, 0], run.twist[:, 1])
+    twist = run.twist
+    if len(run.t) > 1 and not np.isfinite(twist).any():  # a robot that measures none
+        twist = np.gradient(run.pose, run.t, axis=0)
+    speed = np.hypot(twist[:, 0], twist[:, 1])
     return {
         "label": label,
         "short": short,
@@ -157,7 +160,7 @@ def _run(run: Run, label: str, short: str, style: ControllerStyle) -> dict[str, 
         "pose": [_column(run.pose[:, i], _POSE_DECIMALS) for i in range(3)],
         "measured": [_column(run.measured[:, i]) for i in (0, 1)] if is_shown else None,
         "speed": _column(speed),
-        "yawRate": _column(run.twist[:, 2]),
+        "yawRate": _column(twist[:, 2]),
         "tuning": {f"{each.quantity} {each.channel}": _column(each.values)
                    for each in tuning_signals(run)},
         "ended": None if run.outcome is Outcome.FINISHED else run.ending,

@@ -9,7 +9,13 @@ from hashlib import sha256
 from html import escape
 from importlib.resources import files
 
-from omnidrive.evaluation.page.markup import facts_markup, tables_markup, verdict_markup
+from omnidrive.evaluation.page.markup import (
+    PageFigure,
+    facts_markup,
+    figures_markup,
+    tables_markup,
+    verdict_markup,
+)
 from omnidrive.evaluation.page.payload import payload
 from omnidrive.evaluation.results import StudyResults
 from omnidrive.evaluation.table import Table
@@ -29,37 +35,67 @@ _SCRIPTS = (
 )
 
 
-def write_page(results: StudyResults, tables: Sequence[Table], path: StrPath) -> None:
+def write_page(
+    results: StudyResults,
+    tables: Sequence[Table],
+    path: StrPath,
+    figures: Sequence[PageFigure] = (),
+) -> None:
     """Write the report of a study: one HTML file that needs no network.
 
     Args:
         results: Results of the study; tasks without runs are omitted.
         tables: Tables below the playback, in this order.
         path: Output file in an existing folder.
+        figures: Figures between the playback and the tables.
 
     Raises:
         CannotWrite: The file cannot be written.
     """
     with output_file(to_path(path)) as part:
-        part.write_text(page_text(results, tables), encoding="utf-8", errors="backslashreplace")
+        text = page_text(results, tables, figures)
+        part.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
-def page_text(results: StudyResults, tables: Sequence[Table]) -> str:
+def page_text(
+    results: StudyResults, tables: Sequence[Table], figures: Sequence[PageFigure] = ()
+) -> str:
     """Return the HTML of the report; its content security policy permits only its own scripts."""
-    styles, early, late = (read_parts(names) for names in (_STYLES, _EARLY, _SCRIPTS))
     parts = {
-        "policy": content_policy(early + late, styles),
+        "kind": "report",
         "title": escape(results.title),
+        "question": "",
         "facts": facts_markup(results),
         "verdict": verdict_markup(results),
+        "figures": figures_markup(figures),
         "tables": tables_markup(tables),
         "data": payload(results),
-        "styles": "".join(f"<style>{text}</style>\n" for text in styles),
-        "early": "".join(f"<script>{text}</script>\n" for text in early),
-        "scripts": "".join(f"<script>{text}</script>\n" for text in late),
         "licence": escape(read_parts(("vendor/uPlot.LICENSE",))[0]),
     }
-    return fill_template("page.html", parts)
+    return document("page.html", parts, read_parts(_STYLES), read_parts(_SCRIPTS))
+
+
+def document(
+    template: str, parts: Mapping[str, str], styles: Sequence[str], scripts: Sequence[str]
+) -> str:
+    """Return a whole HTML page; its content security policy permits only its own scripts.
+
+    Args:
+        template: Template of this package for all behind the header.
+        parts: HTML of its placeholders ``{{NAME}}``, and of those of the header: ``kind`` of the
+            page, ``title``, ``question`` (may be empty) and ``facts``.
+        styles: Texts of its style sheets.
+        scripts: Texts of the scripts at its end.
+    """
+    early = read_parts(_EARLY)
+    frame = {
+        "policy": content_policy([*early, *scripts], styles),
+        "styles": "".join(f"<style>{text}</style>\n" for text in styles),
+        "early": "".join(f"<script>{text}</script>\n" for text in early),
+        "scripts": "".join(f"<script>{text}</script>\n" for text in scripts),
+        "content": fill_template(template, parts),
+    }
+    return fill_template("frame.html", {**parts, **frame})
 
 
 def fill_template(name: str, parts: Mapping[str, str]) -> str:
