@@ -5,6 +5,7 @@ OmnidriveError
 │   ├── ComponentFailed           a factory of a component raised an exception
 │   ├── InvalidFuzzyFile          a missing, malformed or too large file of a fuzzy system
 │   ├── InvalidGeometry           wheels that cannot produce every planar twist
+│   ├── InvalidLog                a missing, malformed or too large log of a drive
 │   ├── InvalidMessage            bytes or values that are no message of its type
 │   ├── InvalidMap                a missing, malformed or too large map file
 │   ├── InvalidWaypoint           a start or goal outside the map or in collision
@@ -69,6 +70,10 @@ class InvalidGeometry(InvalidInput):
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the constructor arguments, so that the error can be sent between processes."""
         return type(self), (self.rank, self.fact)
+
+
+class InvalidLog(InvalidInput):
+    """The log of a drive is malformed."""
 
 
 class InvalidMap(InvalidInput):

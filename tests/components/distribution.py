@@ -25,6 +25,13 @@ def environment_with(folder):
     return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "200"}
 
 
+WITHOUT_FIGURES = (
+    "import sys; from omnidrive.study import study; study.write_figures = lambda *_: ();"
+    "from omnidrive.cli import main; sys.argv[0] = 'omnidrive'; main()"
+)
+"""Program that runs a command; figures take most of its time and have tests of their own."""
+
+
 def run_python(environment, cwd, *arguments):
     """Run Python with some arguments, and return its exit status and output."""
     return subprocess.run(

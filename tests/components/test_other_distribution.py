@@ -9,7 +9,7 @@ import yaml
 from omnidrive.components import GROUPS
 from omnidrive.study import paper_scenario
 from omnidrive.study.scenario_file import scenario_data
-from tests.components.distribution import environment_with, install, run_python
+from tests.components.distribution import WITHOUT_FIGURES, environment_with, install, run_python
 
 CODE = '''
 """Components of every group."""
@@ -57,6 +57,15 @@ def read_grid(path, *, resolution=None, unknown="occupied"):
     return od.OccupancyGrid(np.array(rows), resolution or 1.0)
 
 
+class Board:
+    """Link of a motor board."""
+
+    def __init__(self, context):
+        self.robot = context.robot
+
+    open = read = send = stop = close = lambda *_: None
+
+
 def ellipse(context):
     """Half an ellipse from rest to rest."""
     t = np.linspace(0.0, 1.0, 400)
@@ -79,6 +88,8 @@ their-estimator = their_parts:estimator
 .grid = their_parts:read_grid
 [omnidrive.references]
 ellipse = their_parts:ellipse
+[omnidrive.links]
+board = their_parts:Board
 """
 
 
@@ -91,7 +102,7 @@ def environment(tmp_path_factory):
 
 
 def omnidrive(environment, cwd, *arguments):
-    return run_python(environment, cwd, "-m", "omnidrive", *arguments)
+    return run_python(environment, cwd, "-c", WITHOUT_FIGURES, *arguments)
 
 
 def test_components_of_every_group_take_part_in_a_study(environment, tmp_path):
@@ -142,7 +153,7 @@ def test_factory_that_raises_ends_its_run_only(environment, tmp_path):
     done = omnidrive(environment, tmp_path, "compare", *controllers, *arguments)
     assert done.returncode == 1
     assert (
-        "step-broken at 0 s (the controller had no usable command: KeyError: 'gain')"
+        "step-broken at 0 s (the controller had no usable command: KeyError: 'gain' (their_"
         in " ".join(done.stderr.split())
     )
     axes = json.loads((tmp_path / "out" / "results.json").read_text())["step_response"]

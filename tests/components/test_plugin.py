@@ -7,7 +7,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from tests.components.distribution import environment_with, run_python
+from tests.components.distribution import WITHOUT_FIGURES, environment_with, run_python
 
 PLUGIN = Path(__file__).parents[2] / "examples" / "plugin"
 
@@ -66,6 +66,6 @@ print(scenario.controllers["decay"].component.origin)
 def test_plugin_takes_part_in_compare(environment, tmp_path):
     arguments = ("--tasks", "step", "--plant", "kinematic", "--jobs", "2", "--out", "out")
     controllers = ("--controller", "decay", "--controller", "feedforward")
-    run(environment, tmp_path, "-m", "omnidrive", "compare", *controllers, *arguments)
+    run(environment, tmp_path, "-c", WITHOUT_FIGURES, "compare", *controllers, *arguments)
     origins = json.loads((tmp_path / "out" / "results.json").read_text())["components"]
     assert origins["controllers"]["decay"] == "omnidrive-decay 0.1.0"

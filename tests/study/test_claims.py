@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from omnidrive.errors import CannotWrite
 from omnidrive.study import claims as claims_module
 from omnidrive.study.claims import Claims, _start_of
 from omnidrive.study.store import Store
@@ -129,3 +130,30 @@ def test_search_begins_behind_stored_runs(store, own, monkeypatch):
     assert own.take(4) == [10, 11, 12, 13]
     assert own.take(4) == [14, 16, 17, 18]
     assert own._first == 8
+
+
+def test_claims_that_are_not_shared_refuse_a_second_process(store, own, tmp_path):
+    with (
+        Store(tmp_path) as second,
+        pytest.raises(CannotWrite, match=rf"is in use: process {os.getpid()} computes this study"),
+        Claims(second, PLAN, shared=False),
+    ):
+        pass
+
+
+def test_claims_that_are_not_shared_follow_a_process_that_has_ended(store):
+    """Of this computer at once; of another one when its heartbeat stands still."""
+    for values in ({"pid": 2**22 + 1}, {"host": "elsewhere"}):
+        enter(store, **values)
+        with Claims(store, PLAN, patience=0.05, shared=False) as claims:
+            assert claims.take(30) == list(range(30))
+
+
+def test_claims_that_are_not_shared_refuse_when_another_computer_is_at_work(store, monkeypatch):
+    enter(store, host="elsewhere", beat=3)
+    monkeypatch.setattr(claims_module, "sleep", lambda _: enter(store, host="elsewhere", beat=4))
+    with (
+        pytest.raises(CannotWrite, match="process 1 of another computer computes this study"),
+        Claims(store, PLAN, shared=False),
+    ):
+        pass

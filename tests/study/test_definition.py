@@ -240,6 +240,19 @@ def test_further_repetitions_need_a_method_that_can_be_extended():
         study().with_repetitions(0)
 
 
+def test_distributions_are_stated_in_words():
+    factors = {
+        "sample_time": {"low": 0.05, "high": 0.1, "scale": "log"},
+        "plant_robot.mass": {"times": {"low": 0.8, "high": 1.2}},
+        "plant": {"choices": ["planar", "kinematic"]},
+    }
+    assert [each.distribution for each in study(random={"factors": factors}).random.factors] == [
+        "0.05 to 0.1, uniform in the logarithm",
+        "0.8 to 1.2",
+        "one of planar, kinematic",
+    ]
+
+
 def test_text_of_a_file_is_shown_as_one_line():
     text = problems(axes={"plant\x1b[31m": [1], "a\nb": [2]})
     assert re.search(r"[\x00-\x1f]", text) is None

@@ -53,6 +53,22 @@ def executed(monkeypatch):
     return found
 
 
+def test_second_process_on_one_folder_is_refused(tmp_path, monkeypatch):
+    """The first one goes on."""
+    refused = []
+
+    class Second(NullProgress):
+        def done(self, what):
+            if not refused:
+                refused.append(None)
+                with pytest.raises(CannotWrite, match="is in use: process"):
+                    run_study(SHORT, tmp_path / "s")
+
+    study = run_study(SHORT, tmp_path / "s", progress=Second())
+    assert refused
+    assert len(study.results.runs) == len(jobs_of(SHORT))
+
+
 def without_times(value):
     """Return results without computing times."""
     if isinstance(value, dict):

@@ -20,6 +20,7 @@ from omnidrive.study import (
     map_scenario,
     paper_scenario,
     retime,
+    robot_section,
     run_study,
     save_scenario,
 )
@@ -158,7 +159,6 @@ def changed(*path, value):
         (changed("controllers", "a", value="os:system"), "is code that is not installed; if you"),
         (changed("plant", "port", value=1), "plant has no parameter 'port'"),
         (changed("nmpc", value=3), "nmpc must be a mapping, got 3"),
-        (changed("robot", value="small"), "robot must hold keys, such as name: ...; got 'small'"),
         (changed("tasks", value=[]), "tasks must hold keys, such as track: ...; got []"),
         (changed("tasks", "track", "f[x]", value=1), "unknown key 'tasks.track.f[x]'"),
         (changed("", value=1), "unknown key ''; there are format, name"),
@@ -385,3 +385,22 @@ def test_message_names_at_most_ten_keys(tmp_path):
     with pytest.raises(InvalidScenario, match=r"; and 4994 more$") as caught:
         load_scenario(tmp_path / "s.yaml")
     assert str(caught.value).count("unknown key") == 6  # four keys are missing
+
+
+@pytest.mark.parametrize("preset", ["paper", "published-code"])
+def test_name_alone_is_a_robot(tmp_path, preset):
+    """As with --robot; the wheel matrix of the published code included."""
+    data = scenario_data(paper_scenario(preset)) | {"robot": "small", "plant_robot": "kiwi"}
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump(data))
+    scenario = load_scenario(tmp_path / "s.yaml")
+    assert scenario.robot == robot_section("small", preset)
+    assert scenario.plant_robot == robot_section("kiwi", preset)
+
+
+def test_title_names_what_is_studied():
+    """The preset, or the controller if there is only one."""
+    titles = [
+        run_study(small_scenario(controllers=names, plant="kinematic")).results.title
+        for names in (("feedforward", "pid"), ("feedforward",))
+    ]
+    assert titles == ["paper: preset paper, plant kinematic", "paper: feedforward, plant kinematic"]

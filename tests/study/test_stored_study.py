@@ -82,7 +82,8 @@ def test_facts_state_what_was_done(first):
     assert facts.question == "Does a shorter sample time help?"
     assert facts.planned == len(study.table) == 48
     assert facts.setup["Axis sample_time"] == "0.05, 0.1"
-    assert facts.setup["Random reference.radius"] == "low 1.0, high 2.0"
+    assert facts.setup["Random reference.radius"] == "1 to 2"
+    assert "Sample time" not in facts.setup  # that of the base scenario is not used
     assert facts.setup["Controllers"] == "pid; stiff: feedforward (position = 9.0)"
     assert facts.setup["Repetitions"] == "12, seed 1"
     assert facts.command == "omnidrive study study.yaml --out repeated"

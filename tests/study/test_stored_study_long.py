@@ -1,6 +1,7 @@
 """Report of a large study."""
 
 import os
+import re
 import subprocess
 import sys
 
@@ -57,15 +58,30 @@ def _record(number, rng):
 
 @pytest.mark.long
 def test_report_of_100_000_runs_takes_less_than_10_seconds_and_500_megabytes(tmp_path):
-    """Processor time, because the tests share the processor."""
+    """Processor time, because the tests share the processor.
+
+    The memory is that since the start of the program: the usage that wait4 returns includes that of
+    this process before.
+    """
     folder = tmp_path / "study"
     large_study(folder, 100_000)
-    code = "from omnidrive.cli.main import main; main()"
-    command = [sys.executable, "-c", code, "study", "report", str(folder), "--quiet"]
+    code = (
+        "import atexit, sys\n"
+        "from pathlib import Path\n"
+        "from omnidrive.cli.main import main\n"
+        "memory = Path(sys.argv.pop())\n"
+        "atexit.register(lambda: memory.write_text(Path('/proc/self/status').read_text()))\n"
+        "main()"
+    )
+    memory = tmp_path / "memory"
+    verb = ["study", "report", str(folder), "--quiet", str(memory)]
+    command = [sys.executable, "-c", code, *verb]
     process = subprocess.Popen(command, env=os.environ | {"OMP_NUM_THREADS": "1"})
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = status
     assert status == 0
     assert used.ru_utime + used.ru_stime < 10.0
-    assert used.ru_maxrss < 500_000  # kB
+    (largest,) = re.findall(r"VmHWM:\s+(\d+) kB", memory.read_text(encoding="ascii"))
+    print(f"{used.ru_utime + used.ru_stime:.1f} s, {int(largest) / 1000:.0f} MB")
+    assert int(largest) < 500_000
     assert (folder / "report.html").stat().st_size < 5e6

@@ -46,13 +46,14 @@ _METHODS = {
     "controllers": ("reset", "step"),
     "plants": ("reset", "step", "close"),
     "estimators": ("reset", "update"),
+    "links": ("open", "read", "send", "stop", "close"),
 }
 """Methods of the product of a factory, by group."""
 
 
 @dataclass(frozen=True, eq=False)
 class Component:
-    """A factory of controllers, plants, robots, maps, estimators or references.
+    """A factory of controllers, plants, robots, maps, estimators, references or links.
 
     The factory is a class or a function that is called with no argument, with a context, or with a
     context and parameters. The context is that of its group, such as

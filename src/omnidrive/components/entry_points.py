@@ -13,7 +13,7 @@ from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 from omnidrive.errors import InvalidInput, suggestion
 
-Group = Literal["controllers", "plants", "robots", "maps", "estimators", "references"]
+Group = Literal["controllers", "plants", "robots", "maps", "estimators", "references", "links"]
 GROUPS: tuple[Group, ...] = get_args(Group)
 """Groups of components; the entry points of a group are those of ``omnidrive.GROUP``."""
 

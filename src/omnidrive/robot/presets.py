@@ -37,6 +37,11 @@ def mecanum() -> Robot:
     return _packaged("mecanum")
 
 
+def lekiwi() -> Robot:
+    """LeKiwi with its arm: geometry of LeRobot's host program, masses and lags estimated."""
+    return _packaged("lekiwi")
+
+
 @cache
 def _packaged(name: str) -> Robot:
     return load_robot(_FILES / f"{name}.yaml")
@@ -58,7 +63,7 @@ class _PackagedRobots(Mapping[str, Robot]):
 
 
 ROBOTS: Mapping[str, Robot] = _PackagedRobots()
-"""Robots of this package, by name."""
+"""Robots of studies, by name: those whose properties are all known, so not ``lekiwi``."""
 
 
 def _check_not_a_file(name: str) -> None:

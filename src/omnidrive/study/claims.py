@@ -14,10 +14,11 @@ from itertools import count
 from pathlib import Path
 from platform import node
 from threading import Event, Thread
-from time import monotonic
+from time import monotonic, sleep
 from typing import NamedTuple
 from uuid import uuid4
 
+from omnidrive.errors import CannotWrite, one_line
 from omnidrive.study.store import KeyedPlan, Store
 
 _RANGE = 2048  # numbers that are looked up at once
@@ -27,7 +28,13 @@ class Claims:
     """Claims of this process on the runs of a plan, in a ``with`` statement that releases them."""
 
     def __init__(
-        self, store: Store, plan: KeyedPlan, *, interval: float = 5.0, patience: float = 30.0
+        self,
+        store: Store,
+        plan: KeyedPlan,
+        *,
+        interval: float = 5.0,
+        patience: float = 30.0,
+        shared: bool = True,
     ) -> None:
         """Prepare the claims.
 
@@ -37,8 +44,9 @@ class Claims:
             interval: Time between two heartbeats, s.
             patience: Time without a heartbeat after which the claims of a process of another
                 computer are free, s.
+            shared: Whether other processes may compute runs of the same study.
         """
-        self._store, self._plan = store, plan
+        self._store, self._plan, self._shared = store, plan, shared
         self._interval, self._patience = interval, patience
         self._id = uuid4().hex
         self._seen: dict[str, tuple[int, float]] = {}  # heartbeat of others, and since when
@@ -48,10 +56,35 @@ class Claims:
         self._thread = Thread(target=self._beat_on, daemon=True)
 
     def __enter__(self) -> Claims:
-        with self._store.transaction() as connection:
-            self._beat(connection, 0)
+        """Start the heartbeat.
+
+        Raises:
+            CannotWrite: The store cannot be written, or the claims are not shared and another
+                process computes the study.
+        """
+        while not self._registered():
+            sleep(min(0.1 * self._patience, 1.0))  # a process of another computer may have ended
         self._thread.start()
         return self
+
+    def _registered(self) -> bool:
+        """Store the first heartbeat; return False if another process may be at work."""
+        with self._store.transaction() as connection:
+            if not self._shared:
+                before = dict(self._seen)
+                self._release_ended(connection)
+                others = connection.execute("SELECT id, host, pid, beat FROM processes").fetchall()
+                for owner, host, pid, beat in others:
+                    if host == HOST or before.get(owner, (beat, 0.0))[0] != beat:
+                        where = f"process {pid}" + ("" if host == HOST else " of another computer")
+                        raise CannotWrite(
+                            f"{one_line(str(self._store.path.parent))} is in use: {where} computes "
+                            "this study; wait for it, or choose another folder with --out"
+                        )
+                if others:
+                    return False
+            self._beat(connection, 0)
+        return True
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()

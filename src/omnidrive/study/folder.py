@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, suppress
 from itertools import count
 from pathlib import Path
@@ -84,7 +85,11 @@ class RunFolder:
                 pq.write_table(log_table(run.columns), file)
 
     def save_results(
-        self, planned: PlannedScenario, results: StudyResults, timing: dict[str, float]
+        self,
+        planned: PlannedScenario,
+        results: StudyResults,
+        timing: dict[str, float],
+        drive: Mapping[str, object] | None = None,
     ) -> None:
         """Write ``results.json``; docs/run-folder.md describes its schema.
 
@@ -92,12 +97,15 @@ class RunFolder:
             planned: The planned scenario.
             results: Results of the runs that are finished.
             timing: Wall time of each part of the study, s.
+            drive: Entry ``drive`` of a drive in real time. None: these are simulations.
 
         Raises:
             CannotWrite: The file cannot be written.
         """
         scenario = planned.scenario
         data = results_data(scenario, portable(scenario), results, timing)
+        if drive is not None:
+            data["drive"] = dict(drive)
         with self._file("results.json") as part:
             part.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 

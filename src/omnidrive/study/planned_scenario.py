@@ -184,6 +184,7 @@ def plan_scenario(scenario: Scenario) -> PlannedScenario:
         inflation=inflation,
         options=scenario.path,
         inflation_note=inflation_note,
+        least_inflation=_inflation(scenario.map.model_copy(update={"margin": 0.0}), grid, robot)[0],
     )
     path, fastest, note = _timed(scenario, robot, plan_)
     return PlannedScenario(

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidStudy, one_line, short_repr, suggestion
-from omnidrive.study.axes import check_scale, factor_name, is_finite_number
+from omnidrive.study.axes import check_scale, factor_name, is_finite_number, label_of
 from omnidrive.study.scenario_path import Keys
 
 Method = Literal["sobol", "latin-hypercube", "independent"]
@@ -54,6 +54,14 @@ class RandomFactor:
     def name(self) -> str:
         """Name of the factor in tables."""
         return factor_name(self.path, relative=self.relative)
+
+    @property
+    def distribution(self) -> str:
+        """The distribution in words, such as ``0.7 to 1.4``; numbers in the unit of the setting."""
+        if self.choices:
+            return f"one of {', '.join(map(str, map(label_of, self.choices)))}"
+        ranges = [f"{low:g} to {high:g}" for low, high in zip(self.low, self.high, strict=True)]
+        return ", ".join(ranges) + (", uniform in the logarithm" if self.log else "")
 
     @property
     def dimensions(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field, WrapValidator, model_validator
 
@@ -74,9 +74,9 @@ class Scenario(Section):
     seed: Annotated[int, Bounds(0, 2**53, "")] = 1
     """Seed of all random numbers."""
     robot: RobotSection
-    """The robot, as far as controllers and estimators know it."""
+    """The robot, as far as controllers and estimators know it: a name, or keys."""
     plant_robot: RobotSection | None = None
-    """The simulated robot. None: the same as ``robot``."""
+    """The simulated robot: a name, or keys. None: the same as ``robot``."""
     plant: Annotated[Configured, OfGroup("plants"), accepts(OLD_PLANTS)] = Field(
         default_factory=lambda: configure("plants", "mujoco-rollers")
     )
@@ -161,6 +161,18 @@ class Scenario(Section):
     @classmethod
     def _former_sections(cls, data: Any) -> Any:
         return without_former_sections(data) if isinstance(data, dict) else data
+
+    @model_validator(mode="before")
+    @classmethod
+    def _robots_by_name(cls, data: Any) -> Any:
+        """Replace names of robots by their sections, as ``--robot`` does."""
+        if not isinstance(data, dict):
+            return data
+        preset: PresetName = "paper"
+        if data.get("preset") in get_args(PresetName):
+            preset = data["preset"]
+        named = {key: data[key] for key in ("robot", "plant_robot") if type(data.get(key)) is str}
+        return data | {key: robot_section(name, preset) for key, name in named.items()}
 
     @model_validator(mode="after")
     def _check_path(self) -> Scenario:

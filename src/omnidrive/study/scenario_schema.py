@@ -23,6 +23,10 @@ def scenario_schema() -> dict[str, Any]:
     one, text = controllers["additionalProperties"], controllers.pop("description")
     names = {"type": "array", "items": one["anyOf"][0], "uniqueItems": True, "minItems": 1}
     schema["properties"]["controllers"] = {"description": text, "anyOf": [names, controllers]}
+    for key in ("robot", "plant_robot"):
+        section = schema["properties"][key]
+        others = section.pop("anyOf", None) or [{"$ref": section.pop("$ref")}]
+        section["anyOf"] = [{"type": "string"}, *others]
     return {"$schema": DIALECT, "title": "omnidrive scenario"} | schema
 
 

@@ -300,7 +300,7 @@ class Store:
         """
         try:
             yield
-        except (sqlite3.Error, json.JSONDecodeError) as error:
+        except (sqlite3.Error, json.JSONDecodeError, UnicodeDecodeError) as error:
             raise _user_error(self.path, error) from None
 
     def _check(self, *, read_only: bool) -> None:

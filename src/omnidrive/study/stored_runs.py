@@ -20,6 +20,7 @@ from omnidrive.control.supervision import Event
 from omnidrive.errors import CannotWrite, one_line
 from omnidrive.simulation import Outcome, Run
 from omnidrive.simulation.log_columns import POSE, TWIST
+from omnidrive.study.claims import Claims
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.folder import RunFolder, portable
 from omnidrive.study.jobs import Job, Result, evaluate, job_name
@@ -44,7 +45,8 @@ class StoredRuns:
         """Open the store of a folder, or create it.
 
         Raises:
-            CannotWrite: The folder holds the runs of another study, or cannot be written.
+            CannotWrite: The folder holds the runs of another study, another process is computing
+                this one, or the folder cannot be written.
             InvalidStore: The store is damaged, or of a newer version.
         """
         self._folder, self._planned = folder, planned
@@ -53,6 +55,8 @@ class StoredRuns:
         self._store = Store(folder.path)
         try:
             self._begin(_digest(planned))
+            self._claims = Claims(self._store, self._plan, shared=False)
+            self._claims.__enter__()
         except BaseException:
             self._store.close()
             raise
@@ -60,7 +64,8 @@ class StoredRuns:
     def __enter__(self) -> StoredRuns:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *reason: object) -> None:
+        self._claims.__exit__(*reason)
         self._store.close()
 
     def _begin(self, digest: str) -> None:

@@ -224,6 +224,17 @@ def _write_csv(table: pa.Table, file: Any) -> None:
     pa_csv.write_csv(pa.table(columns), file)
 
 
+_SET_BY = {
+    "Robot": ("robot", "name"),
+    "Simulated robot": ("plant_robot", "name"),
+    "Plant": ("plant",),
+    "Reference": ("reference",),
+    "Sample time": ("sample_time",),
+    "Preset": ("preset",),
+}
+"""Facts that an axis may set, and the keys of its settings."""
+
+
 def _setup(definition: StudyDefinition) -> dict[str, str]:
     """Return the facts about scenario, axes, random factors and repetitions."""
     scenario = definition.scenario
@@ -240,12 +251,16 @@ def _setup(definition: StudyDefinition) -> dict[str, str]:
             for label, each in scenario.controllers.items()
         ),
     }
+    set_by_axes = {keys for axis in definition.axes for keys in axis.keys}
+    for name, keys in _SET_BY.items():
+        if keys in set_by_axes:
+            facts.pop(name, None)
     for axis in definition.axes:
         labels = [f"{v:g}" if isinstance(v, float) else str(v) for v in axis.labels]
         more = f", ... ({len(labels)} values)" if len(labels) > _MAX_VALUES else ""
         facts[f"Axis {axis.name}"] = ", ".join(labels[:_MAX_VALUES]) + more
     for factor in definition.random.factors:
-        facts[f"Random {factor.name}"] = one_line(_source_text(factor.source), 200)
+        facts[f"Random {factor.name}"] = one_line(factor.distribution, 200)
     if definition.random.factors:
         facts["Sampling"] = definition.random.method
     for name, conditions in (("Only", definition.where), ("Left out", definition.leave_out)):
@@ -253,13 +268,6 @@ def _setup(definition: StudyDefinition) -> dict[str, str]:
             facts[name] = one_line("; ".join(str(each.source) for each in conditions), 300)
     facts["Repetitions"] = f"{definition.repetitions}, seed {scenario.seed}"
     return facts
-
-
-def _source_text(source: Any) -> str:
-    """Return the distribution of a random factor as in the study file."""
-    if not isinstance(source, dict):
-        return str(source)
-    return ", ".join(f"{key} {value}" for key, value in source.items())
 
 
 def _reference_text(scenario: Scenario) -> str:

@@ -163,7 +163,7 @@ def run_study(
     Raises:
         InvalidInput: The scenario is not feasible, or the runs cannot have a time limit.
         NoPathFound: There is no path from start to goal.
-        CannotWrite: The folder cannot be written.
+        CannotWrite: The folder cannot be written, or another process is computing this study.
         WorkerLost: Worker processes end while they start; results written before are kept.
     """
     path = None if folder is None else to_path(folder)
@@ -178,21 +178,27 @@ def run_study(
     store = RunFolder(path, numbered=numbered) if path else None
     jobs = jobs_of(scenario)
     opened = StoredRuns(store, planned, jobs) if store and resumable else nullcontext()
-    with opened as stored, clock.part("simulate", len(jobs)):
+    with opened as stored:
+        with clock.part("simulate", len(jobs)):
+            if store:
+                store.save_inputs(planned)
+            finished = stored.finished() if stored else {}
+            left = [job for job in jobs if job not in finished]
+            executed = execute_jobs(planned, left, processes, observers, run_timeout=run_timeout)
+            with closing(executed):  # which ends the workers
+                _collect_and_save(planned, finished, executed, _Outputs(store, stored, clock))
+        results = collect_results(planned, jobs, finished)
+        tables = _tables(scenario, results)
         if store:
-            store.save_inputs(planned)
-        finished = stored.finished() if stored else {}
-        left = [job for job in jobs if job not in finished]
-        executed = execute_jobs(planned, left, processes, observers, run_timeout=run_timeout)
-        with closing(executed):  # which ends the workers
-            _collect_and_save(planned, finished, executed, _Outputs(store, stored, clock))
-    results = _collect(planned, jobs, finished)
-    rules = scenario.preset == "published-code"
-    tables = study_tables(results, published=_is_published_study(scenario), published_rules=rules)
-    if store:
-        _report(store, results, tables, clock)
-        store.save_results(planned, results, clock.seconds)
+            _report(store, results, tables, clock)
+            store.save_results(planned, results, clock.seconds)
     return Study(results, tables, store.path if store else None, clock.seconds)
+
+
+def _tables(scenario: Scenario, results: StudyResults) -> list[Table]:
+    """Return the tables of the results."""
+    rules = scenario.preset == "published-code"
+    return study_tables(results, published=_is_published_study(scenario), published_rules=rules)
 
 
 def _check_run_timeout(
@@ -251,7 +257,7 @@ def _collect_and_save(
         elif folder:
             folder.save_series(result.name, result.run)
         if folder:
-            folder.save_results(planned, _collect(planned, jobs, finished), clock.seconds)
+            folder.save_results(planned, collect_results(planned, jobs, finished), clock.seconds)
         clock.progress.done(result.name)
 
 
@@ -290,14 +296,14 @@ def _is_published_study(scenario: Scenario) -> bool:
     )
 
 
-def _collect(
+def collect_results(
     planned: PlannedScenario, jobs: Sequence[Job], finished: dict[Job, Result]
 ) -> StudyResults:
-    """Return the results of the finished runs, in the order of ``jobs``."""
+    """Return the results of the finished runs of a scenario, in the order of ``jobs``."""
     done = [finished[job] for job in jobs if job in finished]
     scenario = planned.scenario
     return StudyResults(
-        title=f"{scenario.name}: preset {scenario.preset}, plant {scenario.plant.type}",
+        title=_title(scenario),
         robot=planned.robot,
         plant=scenario.plant.type,
         dt=scenario.sample_time,
@@ -310,6 +316,14 @@ def _collect(
         faults=tuple(r for r in done if isinstance(r, FaultResult)),
         types={label: _controller_type(each) for label, each in scenario.controllers.items()},
     )
+
+
+def _title(scenario: Scenario) -> str:
+    """Return the title of a study: its preset, or the controller if there is only one."""
+    facts = [f"preset {scenario.preset}", f"plant {scenario.plant.type}"]
+    if len(scenario.controllers) == 1:
+        facts[:1] = [*scenario.controllers, *(facts[:1] if scenario.preset != "paper" else ())]
+    return f"{scenario.name}: {', '.join(facts)}"
 
 
 def _controller_type(configured: Configured) -> ControllerType:
