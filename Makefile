@@ -84,7 +84,7 @@ lock:  ## update the lock files (needs uv)
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
 	  --custom-compile-command "make lock" --group build pyproject.toml -o requirements.lock
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
-	  --custom-compile-command "make lock" --group dev --extra casadi --extra cluster --extra coppeliasim --extra gymnasium --extra mcap --extra pandas --extra ros2 --extra tuning --extra wheels \
+	  --custom-compile-command "make lock" --group dev --extra casadi --extra cluster --extra coppeliasim --extra gymnasium --extra lekiwi --extra mcap --extra pandas --extra ros2 --extra tuning --extra wheels \
 	  -c requirements.lock pyproject.toml -o requirements-dev.lock
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
 	  --custom-compile-command "make lock" --group build --group docs --extra pandas -c requirements.lock pyproject.toml \

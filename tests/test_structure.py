@@ -66,6 +66,7 @@ WRITERS = {
     "compiled/cache_folder.py": "compiled kernels, which are checked when they are read",
     "visualization/video_file.py": "films, into the temporary file that the caller gives",
     "cli/main.py": "closed standard streams",
+    "deploy/attached_files.py": "files of a log, in a folder that ends when they are read",
     "study/worker_pool.py": "messages between processes, in a folder that ends with them",
 }
 """Files that write by themselves, and what."""

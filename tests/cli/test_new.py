@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from omnidrive.components import find_component
 from omnidrive.study import paper_scenario, run_study
 from tests.command import omnidrive
 
@@ -36,6 +37,9 @@ def test_written_file_runs_passes_its_test_and_is_well_formed(tmp_path, kind):
         "controller": {"controllers": {"mine": spec}, "plant": "kinematic"},
         "plant": {"controllers": ["feedforward"], "plant": spec},
     }[kind]
+    assert find_component(f"{kind}s", spec, allow_code=True).summary.startswith(
+        f"{name};"
+    )  # whatever it becomes
     tasks = {"track": {"durations": [17.0]}}
     run_study(paper_scenario().with_values(**values, tasks=tasks)).raise_if_failed()
 

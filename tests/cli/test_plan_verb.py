@@ -198,7 +198,8 @@ def test_unreachable_goal_reports_the_size_of_the_region(tmp_path):
     occupied[:, 30] = True
     save_nav2_map(OccupancyGrid(occupied, 0.1), tmp_path / "two.yaml")
     with pytest.raises(
-        OmnidriveError, match=r"only \d+ of \d+ free cells can be reached .*: lower the margin"
+        OmnidriveError,
+        match=r"only \d+ of \d+ free cells can be reached .*: a robot of any size needs",
     ):
         load_verb("plan")(
             [str(tmp_path / "two.yaml"), "--start", "1,1", "--goal", "5,5", "--robot", "small"],

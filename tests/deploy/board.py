@@ -3,6 +3,7 @@
 import os
 import select
 import socket
+import sys
 import threading
 import time
 from math import pi
@@ -70,9 +71,11 @@ class Board:
 
 
 class UdpBoard(Board):
+    port = 0  # any
+
     def open(self):
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.bind(("127.0.0.1", 0))
+        self.socket.bind(("127.0.0.1", self.port))
         self.address = f"udp://127.0.0.1:{self.socket.getsockname()[1]}"
         self.peer = None
 
@@ -109,3 +112,16 @@ class SerialBoard(Board):
     def close(self):
         os.close(self.master)
         os.close(self.slave)
+
+
+def main(kind, wheels, port):
+    """Run a board until the process is killed; print its address."""
+    board = {"udp": UdpBoard, "pty": SerialBoard}[kind](int(wheels), counts=100_000)
+    board.port = int(port)
+    board.open()
+    print(board.address, flush=True)
+    board._run()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,7 +1,6 @@
 """The real-time loop on simulated time: the same commands as a simulation, and every way to end."""
 
 import os
-from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -11,86 +10,23 @@ from omnidrive import (
     KinematicPlant,
     PaperNoise,
     PerfectSensors,
-    Pose,
-    named_robot,
     simulate,
 )
 from omnidrive.control import Command, Pipeline, WheelSpeeds
 from omnidrive.control.controller import STOP
 from omnidrive.deploy.clock import SimulatedClock
-from omnidrive.deploy.command_gate import RAMP_TIME, CommandGate
+from omnidrive.deploy.command_gate import CommandGate
 from omnidrive.deploy.controls import DriveControls
-from omnidrive.deploy.drive import MAX_AGE, drive
+from omnidrive.deploy.drive import drive
 from omnidrive.deploy.drive_state import DriveState, StateMachine
-from omnidrive.deploy.links.simulated import WATCHDOG, SimulatedLink, SimulatedRobot
+from omnidrive.deploy.links.simulated import WATCHDOG
 from omnidrive.deploy.remaining_reference import RemainingReference
 from omnidrive.deploy.robot_link import LinkLost, RobotLink
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation import EncoderSettings, PoseEstimator, SensorSettings
 from omnidrive.geometry import BodyTwist
-from omnidrive.reference import RetimedReference
-
-DT = 0.05
-ROBOT = named_robot("small")
-START = Pose(0.0, 0.0, 0.0)
-
-
-def circle(duration=6.0):
-    from omnidrive.components import configure
-    from omnidrive.reference import ReferenceContext
-
-    made = configure("references", "circle", {"radius": 0.5}).make(ReferenceContext(ROBOT, START))
-    return RetimedReference(made, duration)
-
-
-def controller():
-    return FeedforwardController(DT)
-
-
-@dataclass(slots=True)
-class Link(SimulatedLink):
-    """A simulated link whose calls tests can change; it keeps what was sent."""
-
-    on_read: list = field(default_factory=list)
-    on_send: list = field(default_factory=list)
-    sent: list = field(default_factory=list)
-    stops: int = 0
-    closed: bool = False
-
-    def read(self):
-        readings = SimulatedLink.read(self)
-        for change in self.on_read:
-            readings = change(self, readings)
-        return readings
-
-    def send(self, value):
-        for act in self.on_send:
-            act(self, value)
-        self.sent.append((self._clock.now(), value))
-        SimulatedLink.send(self, value)
-
-    def stop(self):
-        self.stops += 1
-        SimulatedLink.stop(self)
-
-    def close(self):
-        self.closed = True
-        SimulatedLink.close(self)
-
-
-def link(sensors=None):
-    return Link(SimulatedRobot(ROBOT, KinematicPlant(ROBOT), sensors or PerfectSensors()), START)
-
-
-def driven(made, reference=None, controls=None, ours=None):
-    return drive(
-        made,
-        Pipeline(ours or controller()),
-        reference or circle(),
-        rate=1.0 / DT,
-        start=START,
-        controls=controls,
-        clock=SimulatedClock(),
-    )
+from omnidrive.simulation import SensorSuite
+from tests.deploy.simulated_drive import DT, ROBOT, START, circle, controller, driven, link
 
 
 def test_link_obeys_the_protocol():
@@ -119,52 +55,24 @@ def test_commands_are_those_of_a_simulation(noisy):
     assert made.stops >= 1
 
 
-def silent(begin, end):
-    """Return a fault: no readings, or readings without fixes, from ``begin`` to ``end`` (s)."""
+def test_commands_with_quantized_encoders_are_those_of_a_simulation():
+    """One more count is a tenth of a millimetre: rounding errors in times would show."""
+    settings = SensorSettings(encoders=EncoderSettings(counts_per_turn=4096))
 
-    def change(made, readings):
-        return None if begin <= made._clock.now() < end else readings
+    def parts():
+        sensors = SensorSuite(settings, ROBOT.chassis, np.random.default_rng(5))
+        return sensors, Pipeline(controller(), PoseEstimator(ROBOT, settings))
 
-    return change
-
-
-def without_fixes(begin, end):
-    def change(made, readings):
-        lost = begin <= made._clock.now() < end
-        return readings._replace(fixes=()) if lost else readings
-
-    return change
-
-
-@pytest.mark.parametrize(
-    ("fault", "reason"), [(silent, "no readings"), (without_fixes, "the last usable pose fix")]
-)
-def test_lost_readings_hold_the_robot_until_it_is_armed_again(fault, reason):
-    made, controls = link(), DriveControls(arm=True)
-    made.on_read.append(fault(2.0, 4.0))
-
-    def arm(_made, readings):
-        if made._clock.now() >= 6.0 and controls is not None and not armed:
-            armed.append(made._clock.now())
-            controls.arm()
-        return readings
-
-    armed: list[float] = []
-    made.on_read.append(arm)
-    result = driven(made, controls=controls)
-    held = next(change for change in result.changes if change.state is DriveState.HOLDING)
-    assert held.reason.startswith(reason)
-    assert held.t == pytest.approx(2.0 + MAX_AGE, abs=2.1 * DT)
-    at_rest = [value for t, value in made.sent if held.t + RAMP_TIME + DT < t < 6.0 - DT]
-    assert at_rest
-    assert set(at_rest) == {STOP}
-    again = [change.t for change in result.changes if change.state is DriveState.RUNNING]
-    assert len(again) == 2
-    assert again[1] >= 6.0 - DT
-    assert result.finished
-    # it goes on along the path, and ends where the reference ends
-    assert made.states[-1].pose == pytest.approx(tuple(circle().at(6.0).pose), abs=2e-2)
-    assert np.diff(result.run.t).min() > 0.0
+    sensors, pipeline = parts()
+    expected = simulate(
+        KinematicPlant(ROBOT), pipeline, circle(), start=START, dt=DT, sensors=sensors
+    )
+    sensors, pipeline = parts()
+    made = link(sensors)
+    result = drive(made, pipeline, circle(), rate=1.0 / DT, start=START, clock=SimulatedClock())
+    np.testing.assert_array_equal(result.run.command[:-1], expected.command[:-1])
+    truth = np.array([state.pose for state in made.states])
+    np.testing.assert_array_equal(truth[: len(expected.t)], expected.pose)
 
 
 def test_ramp_to_rest_decreases_in_proportion():
@@ -283,6 +191,23 @@ def test_late_sample_skips_those_that_are_over():
     result = driven(made)
     timing = result.timing.summary()
     assert (timing.misses, timing.skipped) == (1, 2)
+    steps = np.diff(result.run.t)
+    assert steps.max() == pytest.approx(3.0 * DT)
+    assert np.sum(steps > 1.5 * DT) == 1
+    assert result.finished
+
+
+def test_loop_that_wakes_late_processes_the_last_sample_that_is_due():
+    made = link()
+
+    class Late(SimulatedClock):
+        def sleep_until(self, t):
+            SimulatedClock.sleep_until(self, t + (2.5 * DT if len(made.sent) == 10 else 0.0))
+
+    result = driven(made, clock=Late())
+    timing = result.timing.summary()
+    assert (timing.misses, timing.skipped) == (1, 2)
+    assert timing.jitter_max == pytest.approx(2.5 * DT)
     steps = np.diff(result.run.t)
     assert steps.max() == pytest.approx(3.0 * DT)
     assert np.sum(steps > 1.5 * DT) == 1

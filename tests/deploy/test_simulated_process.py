@@ -4,6 +4,7 @@ import os
 import signal
 import threading
 import time
+from dataclasses import dataclass
 from multiprocessing import Pipe
 
 import numpy as np
@@ -12,7 +13,6 @@ import pytest
 from omnidrive import FeedforwardController, KinematicPlant, PerfectSensors, Pose, named_robot
 from omnidrive.control import Pipeline
 from omnidrive.deploy.clock import MonotonicClock
-from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.drive import drive
 from omnidrive.deploy.links import simulated
 from omnidrive.deploy.links.simulated import WATCHDOG, SimulatedProcess, SimulatedRobot
@@ -33,7 +33,7 @@ def process(**settings):
     return SimulatedProcess(ROBOT, make, START, DT, **settings)
 
 
-def driven(link, duration, controls=None):
+def driven(link, duration):
     goal = Pose(0.1, 0.0, 0.0)
     return drive(
         link,
@@ -41,7 +41,6 @@ def driven(link, duration, controls=None):
         Hold(goal, duration),
         rate=1.0 / DT,
         start=START,
-        controls=controls,
     )
 
 
@@ -60,35 +59,50 @@ def test_robot_reaches_its_goal_in_real_time():
     assert not link._process.is_alive()
 
 
+@dataclass(slots=True)
+class Interrupted(SimulatedProcess):
+    """A link that sends a signal in the 30th sample."""
+
+    number: int = signal.SIGTERM
+    to_robot: bool = False
+    samples: int = 0
+
+    def send(self, value):
+        self.samples += 1
+        if self.samples == 30:
+            pid = self.pid if self.to_robot else os.getpid()
+            assert pid is not None
+            os.kill(pid, self.number)
+        SimulatedProcess.send(self, value)
+
+
 def test_robot_that_dies_ends_the_drive():
-    link, controls = process(), DriveControls(arm=True)
-
-    def kill():
-        while not link.pid:
-            time.sleep(0.01)
-        time.sleep(2.0)  # the process has started
-        os.kill(link.pid, signal.SIGKILL)
-
-    thread = threading.Thread(target=kill)
-    thread.start()
-    result = driven(link, 30.0, controls)
-    thread.join()
+    link = Interrupted(ROBOT, make, START, DT, number=signal.SIGKILL, to_robot=True)
+    result = driven(link, 30.0)
     assert not result.finished
     assert "the link is lost" in result.ending
 
 
 def test_signal_stops_the_robot():
-    def end():
-        time.sleep(2.0)
-        os.kill(os.getpid(), signal.SIGTERM)
-
-    thread = threading.Thread(target=end)
     before = signal.getsignal(signal.SIGTERM)
-    thread.start()
-    result = driven(process(), 30.0)
-    thread.join()
+    result = driven(Interrupted(ROBOT, make, START, DT), 30.0)
     assert result.ending == "signal SIGTERM"
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_to_the_group_of_processes_is_the_reason(number):
+    """Ctrl-C in a terminal reaches the simulated robot, too."""
+
+    def to_both(link, value):
+        link.samples += 1
+        if link.samples == 30:
+            os.kill(link.pid, number)
+            os.kill(os.getpid(), number)
+        SimulatedProcess.send(link, value)
+
+    made = type("ToBoth", (Interrupted,), {"send": to_both})(ROBOT, make, START, DT)
+    assert driven(made, 30.0).ending == f"signal {number.name}"
 
 
 def test_robot_stops_by_itself_without_commands():
@@ -98,7 +112,7 @@ def test_robot_stops_by_itself_without_commands():
     thread = threading.Thread(target=simulated._simulate, args=(there, make, settings), daemon=True)
     thread.start()
     assert here.recv().watchdog == WATCHDOG
-    here.send(BodyTwist(0.2, 0.0, 0.0))
+    here.send((time.monotonic(), BodyTwist(0.2, 0.0, 0.0)))
     sent = time.monotonic()
     poses = []
     while time.monotonic() - sent < WATCHDOG + 0.5:
@@ -122,3 +136,31 @@ def test_bad_settings():
     made = simulated.SimulatedLink(make(), START)
     with pytest.raises(InvalidInput, match="SimulatedProcess"):
         made.open(MonotonicClock())
+
+
+def test_a_robot_whose_process_was_stopped_moves_as_it_was_commanded():
+    link = process()
+    link.open(MonotonicClock())
+    try:
+        began = time.monotonic()
+        link.send(BodyTwist(0.2, 0.0, 0.0))
+        assert link._process is not None
+        os.kill(link._process.pid, signal.SIGSTOP)
+        time.sleep(0.1)
+        ended = time.monotonic()
+        link.send(BodyTwist(0.0, 0.1, 0.0))
+        time.sleep(0.2)
+        os.kill(link._process.pid, signal.SIGCONT)
+        resumed = time.monotonic()
+        fixes = []
+        while not fixes or fixes[-1].stamp < resumed:
+            readings = link.read()
+            fixes += readings.fixes if readings else ()
+            assert time.monotonic() < resumed + 30.0
+    finally:
+        link.close()
+    # the two commands follow each other within the time that sending takes
+    assert fixes[-1].pose.x == pytest.approx(0.2 * (ended - began), abs=0.002)
+    assert fixes[-1].pose.y == pytest.approx(0.1 * (fixes[-1].stamp - ended), abs=0.002)
+    late = [fix for fix in fixes if ended < fix.stamp < resumed]
+    assert all(f.pose.y == pytest.approx(0.1 * (f.stamp - ended), abs=0.002) for f in late)

@@ -171,3 +171,10 @@ def test_refusals():
         )  # fmt: skip
     with UdpBoard(3) as board, pytest.raises(LinkLost, match="the board has 3 wheels"):
         opened(board)
+
+
+def test_missing_serial_port_is_named_once(tmp_path):
+    pytest.importorskip("serial")
+    link = WheelsLink(named_robot("small"), f"{tmp_path}/ttyNONE")
+    with pytest.raises(LinkLost, match=r"ttyNONE cannot be opened: No such file or directory$"):
+        link.open(MonotonicClock())

@@ -33,7 +33,7 @@ from tests.simulation.coppeliasim.fake_server import fake_server
 FILES = {"yaml", "python", "text", "csv", "json", "toml", "xml"}
 """Languages of blocks that may be files."""
 
-_EXTERNAL = {"cd", "git", "uv", "open", "xdg-open"}
+_EXTERNAL = {"cd", "docker", "git", "open", "ros2", "uv", "xdg-open"}
 """Commands of other programs, which tests do not run."""
 
 _SIMULATING = {"run", "compare"}

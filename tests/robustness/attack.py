@@ -30,6 +30,9 @@ ROOT = Path(__file__).resolve().parents[2]
 MAX_SECONDS, MAX_BYTES = 5.0, 500_000_000
 """Limits of processor time and of memory beyond that of the process, per input."""
 _KILL_AFTER = 60.0  # s of processor time or sleep without a result
+_KILL_COMPILING_AFTER = 600.0
+"""Likewise while valid files are read, in s: the process compiles kernels, or waits for another one
+that does."""
 _INTERVAL = 5.0  # s between looks at a process
 _BATCH = 10_000  # inputs per process
 
@@ -133,9 +136,11 @@ def attack(seed, indices, report=lambda outcome: None):
             cwd=ROOT, stdout=subprocess.PIPE, text=True,
             env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])},
         ) as process:  # fmt: skip
-            while value := _line(process):
+            limit = _KILL_COMPILING_AFTER
+            while value := _line(process, limit):
                 outcome = Outcome(*value)
                 if outcome.index >= 0:
+                    limit = _KILL_AFTER
                     report(outcome)
                     first = outcome.index + 1
         if first <= last:
@@ -146,10 +151,10 @@ def attack(seed, indices, report=lambda outcome: None):
             first += 1
 
 
-def _line(process):
+def _line(process, limit):
     """Return the next value that a process prints, None at its end; kill it if it hangs."""
     done = Event()
-    guard = Thread(target=_kill_if_it_hangs, args=(process, done))
+    guard = Thread(target=_kill_if_it_hangs, args=(process, done, limit))
     guard.start()
     line = process.stdout.readline()
     done.set()
@@ -157,13 +162,13 @@ def _line(process):
     return json.loads(line) if line.endswith("\n") else None
 
 
-def _kill_if_it_hangs(process, done):
-    """Kill a process that computes or sleeps for too long before ``done`` is set."""
+def _kill_if_it_hangs(process, done, limit):
+    """Kill a process that computes or sleeps for more than ``limit`` (s) before ``done`` is set."""
     before, asleep = _status(process.pid)[1], 0.0
     while not done.wait(_INTERVAL):
         state, seconds = _status(process.pid)
         asleep = 0.0 if state == "R" else asleep + _INTERVAL  # it may wait for a processor
-        if max(seconds - before, asleep) > _KILL_AFTER:
+        if max(seconds - before, asleep) > limit:
             process.kill()
 
 

@@ -3,13 +3,23 @@
 import gc
 import os
 import random
+import subprocess
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from pathlib import Path
+from signal import SIGKILL
 
 import pytest
 
 from omnidrive.errors import OmnidriveError
-from tests.robustness.attack import attack, mutated_input, read_input, read_mutated, read_valid
+from tests.robustness.attack import (
+    _line,
+    attack,
+    mutated_input,
+    read_input,
+    read_mutated,
+    read_valid,
+)
 from tests.robustness.readers import readers
 
 COUNT = int(os.environ.get("OMNIDRIVE_MUTATIONS", "200000"))
@@ -43,8 +53,8 @@ def test_many_mutated_files_are_read_or_refused():
     seed, outcomes = random.randrange(2**32), []
     half = COUNT // 2
     with ThreadPoolExecutor(2) as pool:
-        for part in (range(half), range(half, COUNT)):
-            pool.submit(attack, seed, part, outcomes.append)
+        parts = (range(half), range(half, COUNT))
+        list(pool.map(lambda part: attack(seed, part, outcomes.append), parts))
     assert len(outcomes) == COUNT
     faults = [outcome for outcome in outcomes if outcome.fault]
     slowest, largest = (max(getattr(o, key) for o in outcomes) for key in ("seconds", "growth"))
@@ -77,8 +87,31 @@ def test_faults_are_found(monkeypatch, tmp_path, read, fault):
 
 def test_process_that_hangs_is_killed(monkeypatch):
     """The rest of its inputs is read by another one."""
-    monkeypatch.setattr("tests.robustness.attack._KILL_AFTER", 0.0)
+    monkeypatch.setattr("tests.robustness.attack._KILL_COMPILING_AFTER", 0.0)
     monkeypatch.setattr("tests.robustness.attack._INTERVAL", 0.05)
     outcomes = []
     attack(1, range(2), outcomes.append)
     assert [(outcome.index, outcome.fault) for outcome in outcomes] == [(0, "hangs"), (1, "hangs")]
+
+
+def test_process_may_wait_for_kernels_before_the_first_input(monkeypatch):
+    """Another process may compile them, which takes minutes on a busy computer."""
+    values = [(-1, "nav2", True, 0.1, 0, ""), (0, "nav2", False, 0.1, 0, ""), None]
+    limits = []
+
+    def line(process, limit):
+        limits.append(limit)
+        return values[len(limits) - 1]
+
+    monkeypatch.setattr("tests.robustness.attack._line", line)
+    monkeypatch.setattr("tests.robustness.attack.subprocess.Popen", lambda *_, **__: nullcontext())
+    attack(1, range(1))
+    assert limits == [600.0, 600.0, 60.0]
+
+
+def test_sleeping_process_is_killed_after_its_limit(monkeypatch):
+    monkeypatch.setattr("tests.robustness.attack._INTERVAL", 0.02)
+    for limit, code in ((0.03, -SIGKILL), (60.0, 0)):
+        with subprocess.Popen(["sleep", "0.2"], stdout=subprocess.PIPE, text=True) as process:
+            assert _line(process, limit) is None
+        assert process.returncode == code

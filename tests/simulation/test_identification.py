@@ -51,7 +51,7 @@ def true_parameters(robot, delay=0.025):
     }
 
 
-@pytest.mark.parametrize("name", ["small", "kiwi"])
+@pytest.mark.parametrize("name", ["small", pytest.param("kiwi", marks=pytest.mark.long)])
 def test_truth_lies_within_three_standard_errors(name):
     """Every robot, noise and seed: benchmarks/identify.py."""
     robot = named_robot(name)

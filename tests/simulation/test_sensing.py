@@ -119,7 +119,7 @@ def test_white_noise_of_fixes():
     assert np.abs(error.mean(axis=0)).max() < 0.002
 
 
-@pytest.mark.parametrize("damping", [0.9, 0.3, 0.1])
+@pytest.mark.parametrize("damping", [0.9, pytest.param(0.3, marks=pytest.mark.long), 0.1])
 def test_fix_bias_starts_at_zero_and_becomes_stationary(damping):
     settings = PoseFixSettings(
         rate=2.0, position_sigma=0.0, yaw_sigma=0.0, position_bias=0.1, yaw_bias=0.05,

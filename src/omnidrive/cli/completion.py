@@ -17,6 +17,7 @@ def one_of(names: Iterable[str]) -> Complete:
     known = list(names)
 
     def complete(incomplete: str) -> list[str]:
+        """Return the names that begin in this way."""
         return [name for name in known if name.startswith(incomplete)]
 
     return complete
@@ -27,6 +28,7 @@ def some_of(names: Iterable[str]) -> Complete:
     known = list(names)
 
     def complete(incomplete: str) -> list[str]:
+        """Return the list with each name that its last one begins, and that it lacks."""
         *given, last = incomplete.split(",")
         start = "".join(f"{name}," for name in given)
         return [start + n for n in known if n.startswith(last) and n not in given]
@@ -38,6 +40,7 @@ def component(group: Group) -> Complete:
     """Return the completion of a value that is the name of an installed component of a group."""
 
     def complete(incomplete: str) -> list[str]:
+        """Return the names of installed components that begin in this way."""
         return [name for name in component_names(group) if name.startswith(incomplete)]
 
     return complete
@@ -47,6 +50,7 @@ def several_components(group: Group) -> Complete:
     """Return the completion of a comma-separated list of names of components of a group."""
 
     def complete(incomplete: str) -> list[str]:
+        """Return the list with its last name completed."""
         return some_of(component_names(group))(incomplete)
 
     return complete

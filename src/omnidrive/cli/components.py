@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from omnidrive import components, study
-from omnidrive.choices import WAYPOINTS
+from omnidrive.choices import WAYPOINTS, TaskName
 from omnidrive.cli.completion import component
-from omnidrive.cli.options import RUN_PANEL, option
+from omnidrive.cli.options import RUN_PANEL, choose_one, option
+from omnidrive.components.entry_points import Group, noun
 from omnidrive.errors import InvalidInput
 from omnidrive.study.output_paths import WAYPOINT_FORMATS
 
@@ -24,6 +25,9 @@ ControllersOption = Annotated[
     list[str] | None,
     option(_FORM, f"Only this controller (repeatable), {_HELP}", RUN_PANEL, complete=_NAMES),
 ]
+
+RUN_TASKS = tuple(name for name in get_args(TaskName) if name != "horizon")
+"""Tasks with runs of single controllers."""
 
 
 def with_controllers(scenario: study.Scenario, texts: Sequence[str]) -> study.Scenario:
@@ -67,6 +71,33 @@ def with_controllers(scenario: study.Scenario, texts: Sequence[str]) -> study.Sc
     return parse_scenario(data, "with these options")
 
 
+def one_run(
+    scenario: study.Scenario, controller: str, task: str, horizon: int | None
+) -> study.Scenario:
+    """Return the scenario with one controller and the first duration of one task.
+
+    Args:
+        scenario: The scenario.
+        controller: The controller, as for :func:`with_controllers`.
+        task: Task with runs of single controllers.
+        horizon: Prediction horizon of the controller, in steps; None: its own.
+
+    Raises:
+        InvalidInput: There is no such controller or task, or the controller has no horizon.
+    """
+    scenario = with_controllers(scenario, [controller])
+    chosen = choose_one("task", task, RUN_TASKS)
+    if horizon is not None:
+        (label,) = scenario.controllers
+        if label not in scenario.predictive:
+            raise InvalidInput(
+                f"--horizon applies to controllers with the parameter horizon, not to {label}"
+            )
+        scenario = with_controllers(scenario, [f"{label},horizon={horizon}"])
+    tasks = study.one_task(study.with_task(scenario, [chosen]).tasks, chosen)
+    return scenario.model_copy(update={"tasks": tasks})
+
+
 def plant_data(text: str, present: components.Configured) -> dict[str, Any]:
     """Return the value of the scenario key ``plant`` for ``TYPE[,KEY=VALUE...]``.
 
@@ -97,6 +128,27 @@ def reference_data(text: str) -> Any:
     if "=" in text.split(",", maxsplit=1)[0]:
         raise InvalidInput(f"a reference has no label: write {given.type} instead of '{text}'")
     return {"type": given.type, **given.values}
+
+
+def chosen_component(group: Group, text: str) -> components.Configured:
+    """Return the component that ``NAME[,KEY=VALUE...]`` names, with its parameters.
+
+    Raises:
+        InvalidInput: The text has another form, there is no such component, or a parameter is
+            unknown, missing or invalid.
+    """
+    from pydantic import ValidationError
+
+    from omnidrive.study.scenario_file import listed, problems_of
+
+    given = components.parse_specification(text)
+    kind = noun(group)
+    if "=" in text.split(",", maxsplit=1)[0]:
+        raise InvalidInput(f"a {kind} has no label: write {given.type} instead of '{text}'")
+    try:
+        return components.configure(group, given.type, given.values)
+    except ValidationError as error:
+        raise InvalidInput(f"the {kind} {given.type}: {listed(problems_of(error))}") from None
 
 
 def _current(

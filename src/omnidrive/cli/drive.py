@@ -6,105 +6,142 @@ import os
 import sys
 import threading
 from contextlib import contextmanager
-from pathlib import Path
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated
 
 from omnidrive import study
-from omnidrive.cli.components import ControllerOption, with_controllers
-from omnidrive.cli.options import RESULTS_PANEL, flag, option
+from omnidrive.cli.completion import component
+from omnidrive.cli.components import ControllerOption, chosen_component, one_run
+from omnidrive.cli.options import FolderOption, default_folder, flag, option
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
-from omnidrive.cli.terminal import conclude, show
+from omnidrive.cli.terminal import conclude, show, warn
 from omnidrive.errors import RunFailed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from omnidrive.components import Configured
     from omnidrive.deploy.controls import DriveControls
     from omnidrive.deploy.drive import DriveResult
+    from omnidrive.deploy.robot_link import RobotLink
 
 _PANEL = "Robot"
-_MillisecondsOption = Annotated[float, option("MS", "Delay of readings and commands, ms.", _PANEL)]
 
 
 @with_options()
 def drive(
     shared: ScenarioOptions,
     controller: ControllerOption = "holonomic-nmpc",
-    latency: _MillisecondsOption = 0.0,
-    jitter: Annotated[float, option("MS", "Largest random delay in addition, ms.", _PANEL)] = 0.0,
-    noise: Annotated[bool, flag("Noise of the paper on the poses.", _PANEL, "--noise")] = False,
+    link: Annotated[
+        str,
+        option(
+            "NAME[,KEY=VALUE...]",
+            "Connection to the robot: simulated, a robot in a process of its own; wheels, a motor "
+            "board; lekiwi; replay, a log; or your own as FILE.py:NAME (`omnidrive list links`).",
+            _PANEL,
+            complete=component("links"),
+        ),
+    ] = "simulated",
     arm: Annotated[bool, flag("Arm the robot at once.", _PANEL, "--arm")] = False,
     cpu: Annotated[
         int | None, option("N", "Processor of the loop [default: any].", _PANEL, least=0)
     ] = None,
-    log: Annotated[
-        Path | None, option("FILE", "Log: .mcap, .parquet or .csv.", RESULTS_PANEL)
+    rate: Annotated[
+        float | None,
+        option("HZ", "Samples per second, 1 to 1000 [default: those of the scenario].", _PANEL),
     ] = None,
+    out: FolderOption = None,
 ) -> None:
-    """Drive a robot in real time: a simulated one in a process of its own.
+    """Drive a robot in real time: a simulated one, or a real one over a link.
 
     The pipeline is that of `omnidrive run`, at the sample time of the scenario. Keys: `a` and Enter
-    arms the robot, also after it was held; Enter alone, or Ctrl-C, stops it. The exit status is 1
-    if the robot does not reach the end of the reference.
+    arms the robot, also after it was held; Enter alone, or Ctrl-C, stops it. Log, time series,
+    figures and report are written to a run folder. The exit status is 1 if the robot does not reach
+    the end of the reference.
 
     For example:
 
     * `omnidrive drive --reference circle,radius=1 --plant planar --estimator --arm`
-    * `omnidrive drive --reference eight --controller feedforward --latency 20 --jitter 5 --arm`
+    * `omnidrive drive --reference eight --link simulated,latency=0.02,jitter=0.005 --arm`
+    * `omnidrive drive --reference circle --robot lekiwi --estimator --link lekiwi,host=10.0.0.5`
     """
     from omnidrive.deploy.controls import DriveControls
-    from omnidrive.simulation.log_file import check_log_file, save_log
+    from omnidrive.deploy.drive_folder import save_drive
 
-    if log is not None:
-        check_log_file(log)
-    planned = study.plan_and_check(with_controllers(shared.resolve(), [controller]))
+    if out is not None:
+        study.check_new_folder(out)
+    chosen = chosen_component("links", link)
+    scenario = _with_rate(one_run(shared.resolve(), controller, "track", None), rate)
+    planned = study.plan_and_check(scenario)
+    (label,) = scenario.controllers
+    folder = study.RunFolder(
+        out or default_folder(f"{scenario.name}-{label}-drive"), numbered=out is None
+    )
     controls = DriveControls(arm=arm)
     with _keys(controls, armed=arm):
-        result = _drive(planned, controls, latency, jitter, noise=noise, cpu=cpu)
-    if log is not None:
-        save_log(result.run.columns, result.run.events, log)
-        conclude(f"log: {log}")
+        planned, result = _drive(planned, controls, chosen, folder, cpu=cpu)
     _print(result)
+    if result.ran:
+        report = save_drive(result, planned, chosen.type, folder)
+        conclude(f"results: {folder.path} (open {report})")
+    else:
+        conclude(f"nothing was driven; inputs and log: {folder.path}")
     if not result.finished:
         raise RunFailed(f"the robot stopped early: {result.ending}")
+
+
+def _with_rate(scenario: study.Scenario, rate: float | None) -> study.Scenario:
+    """Return the scenario with the sample time of a rate, Hz; None: its own."""
+    from omnidrive.deploy.drive import RATES
+    from omnidrive.parameter import check_number
+
+    if rate is None:
+        return scenario
+    check_number("rate", rate, RATES)
+    return scenario.model_copy(update={"sample_time": 1.0 / rate})
 
 
 def _drive(
     planned: study.PlannedScenario,
     controls: DriveControls,
-    latency: float,
-    jitter: float,
+    chosen: Configured,
+    folder: study.RunFolder,
     *,
-    noise: bool,
     cpu: int | None,
-) -> DriveResult:
-    """Drive the simulated robot of a scenario; ``latency`` and ``jitter`` in ms."""
+) -> tuple[study.PlannedScenario, DriveResult]:
+    """Drive the robot of a scenario over a link; return the scenario as driven, and the result."""
     from omnidrive.deploy.drive import drive as drive_robot
-    from omnidrive.deploy.links.simulated import SimulatedProcess
-    from omnidrive.deploy.scenario_robot import ScenarioRobot, scenario_pipeline
+    from omnidrive.deploy.links.components import LinkContext
+    from omnidrive.deploy.log import DriveLog
+    from omnidrive.deploy.robot_link import ReportingLink
+    from omnidrive.deploy.scenario_files import attached_inputs
+    from omnidrive.deploy.scenario_robot import scenario_pipeline, without_pose_fixes
 
-    scenario = planned.scenario
-    (label,) = scenario.controllers
     reference = planned.reference(study.planned_duration(planned))
     start = reference.at(0.0).pose
-    link = SimulatedProcess(
-        planned.plant_robot,
-        ScenarioRobot(planned, noise),
-        start,
-        scenario.sample_time,
-        1e-3 * latency,
-        1e-3 * jitter,
-        scenario.seed,
-    )
-    return drive_robot(
+    link: RobotLink = chosen.make(LinkContext(planned, start))
+    if not link.capabilities.measures_pose:
+        planned = without_pose_fixes(planned)
+    folder.save_inputs(planned)
+    (label,) = planned.scenario.controllers
+    log = None
+    if find_spec("mcap") is None:
+        show("no log: it needs the extra mcap")
+    else:
+        log = DriveLog(folder.path / "log.mcap", attached_inputs(folder))
+    result = drive_robot(
         link,
         scenario_pipeline(planned, label),
         reference,
-        rate=1.0 / scenario.sample_time,
+        rate=1.0 / planned.scenario.sample_time,
         start=start,
         controls=controls,
         cpu=cpu,
+        log=log,
     )
+    if isinstance(link, ReportingLink):
+        show(link.report)
+    return planned, result
 
 
 @contextmanager
@@ -153,5 +190,8 @@ def _print(result: DriveResult) -> None:
         show(
             f"estimated tracking error: ME {1e3 * error.mean():.2f} mm over {result.run.t[-1]:g} s"
         )
+    if result.log is not None and (result.log.dropped or result.log.failure):
+        lost = f"{result.log.dropped} samples dropped"
+        warn(f"the log is not whole: {'; '.join(filter(None, [lost, result.log.failure]))}")
     if result.limited:
         show(f"{result.limited} commands scaled down to the limits of the robot")

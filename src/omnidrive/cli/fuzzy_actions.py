@@ -78,6 +78,7 @@ def _record(inference: Inference, given: list[float] | None) -> dict[str, Any]:
     system = inference.system
 
     def variables(of: Sequence[InputVariable | OutputVariable]) -> list[dict[str, Any]]:
+        """Return name, range and names of the sets of each variable."""
         return [
             {"name": v.name, "low": v.low, "high": v.high, "sets": [s.name for s in v.sets]}
             for v in of

@@ -33,7 +33,7 @@ def list(  # the name of the verb
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """List controllers, plants, robots, maps, estimators, references and their parameters.
+    """List controllers, plants, robots, maps, estimators, references and links.
 
     Parameters are shown with unit, range and default.
 

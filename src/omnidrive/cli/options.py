@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from omnidrive.cli.completion import Complete, one_of
+from omnidrive.errors import InvalidInput
 from omnidrive.files.number_text import parse_number
 from omnidrive.parameter import check_choice
 
@@ -28,6 +29,8 @@ def verb_group(text: str, default: str | None = None) -> typer.Typer:
     """
 
     class Group(TyperGroup):
+        """Group of verbs, one of which may be omitted."""
+
         def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
             """Insert the default verb unless a verb or the help is asked for."""
             known = {*self.commands, "--help", "-h"}
@@ -111,6 +114,29 @@ def parse_coordinates(text: str) -> list[float]:
     """Parse two or three comma-separated numbers; return an empty list for any other text."""
     numbers = [number for part in text.split(",") if (number := parse_number(part)) is not None]
     return numbers if len(numbers) == text.count(",") + 1 and len(numbers) in {2, 3} else []
+
+
+def parse_waypoint(name: str, text: str) -> list[float]:
+    """Parse ``X,Y`` or ``X,Y,HEADING`` in m, m, rad.
+
+    Args:
+        name: Name of the option, for messages.
+        text: Its value.
+
+    Raises:
+        InvalidInput: The text has another form, or the heading is not within 6.3 rad of zero.
+    """
+    numbers = parse_coordinates(text)
+    if not numbers:
+        raise InvalidInput(
+            f"--{name} must be X,Y or X,Y,HEADING in m, m, rad, such as 1.5,2 or 1.5,2,-0.78; "
+            f"got '{text}'"
+        )
+    if len(numbers) == 3 and not abs(numbers[2]) <= 6.3:
+        raise InvalidInput(
+            f"--{name}: the heading is {numbers[2]:g} rad, need -6.3 to 6.3 rad (degrees?)"
+        )
+    return numbers
 
 
 def choose_many(name: str, text: str, options: Collection[str]) -> tuple[str, ...]:

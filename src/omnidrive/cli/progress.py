@@ -74,6 +74,7 @@ class LiveProgress:
         self._progress.update(self._task, what=what)
 
     def _finish(self) -> None:
+        """End the bar of the last part."""
         task = self._progress.tasks[-1]
         if task.total is None:
             self._progress.update(task.id, total=task.completed)
@@ -88,6 +89,7 @@ def save_film(recording: Recording, video: Path, progress: LiveProgress) -> str:
     """
 
     def rendered(done: int, count: int) -> None:
+        """Show that ``done`` of ``count`` pictures are drawn."""
         if done == 1:
             progress.part("video", count)
         progress.done(video.name)

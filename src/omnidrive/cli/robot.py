@@ -16,7 +16,7 @@ from omnidrive.cli.terminal import show as print_line
 from omnidrive.errors import InvalidInput, one_line
 
 if TYPE_CHECKING:
-    from omnidrive.simulation.identification import Estimate
+    from omnidrive.simulation.identification import Estimate, RobotLog
 
 robot = verb_group("Show, import and identify robots.")
 
@@ -141,8 +141,8 @@ def identify(
         Path,
         typer.Argument(
             metavar="LOG",
-            help="CSV or Parquet with the columns t, command_vx, command_vy, command_yaw_rate, "
-            "wheel_speed_0, ..., x, y, yaw.",
+            help="Log of a drive (.mcap), or CSV or Parquet with the columns t, command_vx, "
+            "command_vy, command_yaw_rate, wheel_speed_0, ..., x, y, yaw.",
         ),
     ],
     name: Annotated[
@@ -167,17 +167,18 @@ def identify(
 
     For example:
 
+    * `omnidrive robot identify runs/monday/log.mcap --robot my_base.yaml`
     * `omnidrive robot identify drive.csv --robot my_base.yaml --out identified.yaml`
     """
     from omnidrive.compiled import announce_compiling
     from omnidrive.robot import named_robot, save_robot
-    from omnidrive.simulation.identification import identify_robot, read_log
+    from omnidrive.simulation.identification import identify_robot
 
     if out is not None:
         check_robot_file(out, force=force)
     nominal = named_robot(name)
     with announce_compiling():
-        found = identify_robot(read_log(log), nominal)
+        found = identify_robot(_samples(log), nominal)
     if json:
         print_json({name: _record(each) for name, each in found.estimates.items()})
     else:
@@ -188,6 +189,18 @@ def identify(
         notes += [f"{each.name}: {each}" for each in found.estimates.values()]
         save_robot(found.robot, out, notes=notes)
         conclude(f"written to {out}", beside_json=json)
+
+
+def _samples(log: Path) -> RobotLog:
+    """Return the samples of a log of a drive, or of a table."""
+    if log.suffix.lower() == ".mcap":
+        from omnidrive.deploy.identification_log import identification_log
+        from omnidrive.deploy.log import read_log as read_drive
+
+        return identification_log(read_drive(log))
+    from omnidrive.simulation.identification import read_log
+
+    return read_log(log)
 
 
 def _record(estimate: Estimate) -> dict[str, object]:

@@ -2,50 +2,30 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from omnidrive.cli.completion import component
-from omnidrive.cli.options import JsonOption, choice, choose_one, flag, option, verb_group
+from omnidrive.cli.options import (
+    JsonOption,
+    choice,
+    choose_one,
+    flag,
+    option,
+    parse_waypoint,
+    verb_group,
+)
+from omnidrive.cli.ros2_drive import drive
+from omnidrive.cli.ros2_node import DistributionOption, DomainOption, PeersOption, node_options
 from omnidrive.cli.terminal import conclude, print_json, show
-from omnidrive.errors import InvalidInput, one_line
+from omnidrive.errors import one_line
 
 if TYPE_CHECKING:
-    from omnidrive.deploy.drive import DriveResult
     from omnidrive.deploy.ros2.doctor import Examination, Finding
-    from omnidrive.deploy.ros2.drive_settings import DriveSettings
     from omnidrive.deploy.ros2.simulated_robot import Ros2RobotSettings
-    from omnidrive.geometry import Pose
-    from omnidrive.reference import Reference
-    from omnidrive.robot import Robot
 
 ros2 = verb_group("Drive or simulate a robot in a ROS 2 graph, and examine the graph.")
-
-_DISTRIBUTIONS = ("humble", "iron", "jazzy", "kilted")
-_GRAPH_PANEL = "Graph"
-DomainOption = Annotated[
-    int | None, option("N", "Domain [default: ROS_DOMAIN_ID, or 0].", _GRAPH_PANEL, least=0)
-]
-PeersOption = Annotated[
-    list[str] | None,
-    option(
-        "HOST",
-        "Host of other nodes, asked by unicast (repeatable), such as localhost [default: all hosts "
-        "of the network, by multicast].",
-        _GRAPH_PANEL,
-        "--peer",
-    ),
-]
-DistributionOption = Annotated[
-    str | None,
-    choice(
-        _DISTRIBUTIONS,
-        "Distribution of the other nodes [default: ROS_DISTRO, or as they announce themselves].",
-        _GRAPH_PANEL,
-    ),
-]
 
 _RobotOption = Annotated[
     str, option("NAME|FILE", "Robot, or a robot file.", None, complete=component("robots"))
@@ -70,14 +50,6 @@ _CommandTypeOption = Annotated[
         "Type of /cmd_vel [default: Twist for Humble and Iron, otherwise TwistStamped].",
     ),
 ]
-
-
-def node_options(domain: int | None, peers: list[str] | None, distribution: str | None) -> Any:
-    """Return the arguments of a node, checked."""
-    chosen = None
-    if distribution is not None:
-        chosen = choose_one("distribution", distribution, _DISTRIBUTIONS)
-    return {"domain": domain, "peers": tuple(peers or ()), "distribution": chosen}
 
 
 @ros2.command()
@@ -160,6 +132,10 @@ def simulate(
     rate: Annotated[float, option("HZ", "Rate of odometry and transforms, Hz.")] = 50.0,
     speed: Annotated[float, option("X", "Simulated seconds per second.")] = 1.0,
     cmd_vel: _CommandTypeOption = None,
+    localised: Annotated[
+        bool,
+        flag("Publish the exact transform from map to odom.", None, "--localised/--not-localised"),
+    ] = True,
     clock: Annotated[
         bool, flag("Publish /clock; all stamps are simulated times.", None, "--clock")
     ] = False,
@@ -190,7 +166,7 @@ def simulate(
     made, chosen, pose, grid, rng = _simulated(robot, plant, map, start, seed)
     try:
         with Node("omnidrive_robot", **options) as node:
-            settings = _settings(node.distribution, rate, speed, cmd_vel, clock)
+            settings = _settings(node.distribution, cmd_vel, rate, speed, localised, clock)
             simulated = Ros2Robot(node, made, chosen, pose, settings=settings, grid=grid, rng=rng)
             show(
                 f"{chosen.name} on {plant} in domain {node.domain}, {node.distribution}: "
@@ -209,7 +185,6 @@ def _simulated(robot: str, plant: str, map_name: str | None, start: str, seed: i
     """Return plant, robot, start, map and generator of the scanner."""
     import numpy as np
 
-    from omnidrive.cli.scenario_options import parse_waypoint
     from omnidrive.components import parse_specification
     from omnidrive.geometry import Pose
     from omnidrive.maps import load_map
@@ -226,161 +201,14 @@ def _simulated(robot: str, plant: str, map_name: str | None, start: str, seed: i
 
 
 def _settings(
-    distribution: str, rate: float, speed: float, cmd_vel: str | None, clock: bool
+    distribution: str, cmd_vel: str | None, rate: float, speed: float, localised: bool, clock: bool
 ) -> Ros2RobotSettings:
     from omnidrive.deploy.ros2.simulated_robot import Ros2RobotSettings
 
     types = ("Twist", "TwistStamped")
     given: Any = None if cmd_vel is None else choose_one("type of /cmd_vel", cmd_vel, types)
     usual: Any = "Twist" if distribution in {"humble", "iron"} else "TwistStamped"
-    return Ros2RobotSettings(rate=rate, speed=speed, command_type=given or usual, clock=clock)
+    return Ros2RobotSettings(rate, speed, 0.5, given or usual, localised, clock)
 
 
-_ReferenceOption = Annotated[
-    str | None,
-    option(
-        "NAME[,KEY=VALUE...]|FILE",
-        "Drive this motion once: a waypoint file, or a shape from the robot's pose on, such as "
-        "circle or eight [default: follow /plan and /goal_pose].",
-        complete=component("references"),
-    ),
-]
-_ServeOption = Annotated[
-    bool,
-    flag(
-        "Serve the action follow_path and the lifecycle of the node, as the controller server of "
-        "Nav2; other nodes need rmw_cyclonedds.",
-        None,
-        "--serve",
-    ),
-]
-
-
-@ros2.command()
-def drive(
-    reference: _ReferenceOption = None,
-    params: Annotated[
-        Path | None, option("FILE.yaml", "Parameters, in the form of ROS 2 parameter files.")
-    ] = None,
-    robot: Annotated[
-        str | None,
-        option("NAME|FILE", "Robot, or a robot file.", None, complete=component("robots")),
-    ] = None,
-    controller: Annotated[
-        str | None,
-        option("NAME[,KEY=VALUE...]", "Controller.", None, complete=component("controllers")),
-    ] = None,
-    rate: Annotated[float | None, option("HZ", "Rate of the loop, Hz.")] = None,
-    speed: Annotated[float | None, option("M/S", "Limit of the speed along paths.")] = None,
-    world_frame: Annotated[str | None, option("NAME", "Frame of paths and goals.")] = None,
-    base_frame: Annotated[str | None, option("NAME", "Frame of the robot.")] = None,
-    cmd_vel: Annotated[str | None, option("TOPIC", "Topic of commands.")] = None,
-    odom: Annotated[str | None, option("TOPIC", "Topic of odometry.")] = None,
-    plan: Annotated[str | None, option("TOPIC", "Topic of paths.")] = None,
-    use_sim_time: Annotated[
-        bool | None, flag("Use the time of /clock.", None, "--use-sim-time")
-    ] = None,
-    serve: _ServeOption = False,
-    node_name: Annotated[str, option("NAME", "Name of the node.")] = "omnidrive_drive",
-    drives: Annotated[
-        int | None, option("N", "Number of paths and goals [default: until stopped].", least=1)
-    ] = None,
-    domain: DomainOption = None,
-    peers: PeersOption = None,
-    distribution: DistributionOption = None,
-) -> None:
-    """Drive a robot in a ROS 2 graph with a controller of omnidrive.
-
-    The pose comes from /tf, /odom and /amcl_pose; commands go to /cmd_vel with the type that the
-    robot has. It publishes /diagnostics, local_plan and markers. True on /e_stop ends the drive;
-    after a hold, true on /omnidrive_drive/arm lets it go on.
-
-    For example:
-
-    * `omnidrive ros2 drive --robot mecanum --reference eight`
-    * `omnidrive ros2 drive --params drive.yaml --plan /plan_smoothed`
-    * `omnidrive ros2 drive --serve --node-name controller_server`
-    """
-    options = node_options(domain, peers, distribution)
-    settings = _drive_settings(
-        params,
-        node_name,
-        robot=robot, controller=controller, rate=rate, speed=speed, world_frame=world_frame,
-        base_frame=base_frame, cmd_vel=cmd_vel, odom=odom, plan=plan, use_sim_time=use_sim_time,
-    )  # fmt: skip
-    if serve and reference is not None:
-        raise InvalidInput("--serve follows the paths of its goals: leave out --reference")
-    if not _drive(settings, options, node_name, reference, serve=serve, drives=drives):
-        raise typer.Exit(1)
-
-
-def _drive_settings(params: Path | None, node: str, **options: Any) -> DriveSettings:
-    """Return the settings of a file, if there is one, with the options."""
-    from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
-
-    settings = DriveSettings()
-    if params is not None:
-        settings = settings.with_values(read_parameters(params, node), f"{one_line(str(params))}: ")
-    return settings.with_values(options)
-
-
-def _drive(
-    settings: DriveSettings,
-    options: dict[str, Any],
-    name: str,
-    reference: str | None,
-    *,
-    serve: bool,
-    drives: int | None,
-) -> bool:
-    """Drive, print the end of each drive, and return whether all were finished."""
-    from omnidrive.compiled import announce_compiling
-    from omnidrive.deploy.links.ros2 import Ros2Link
-    from omnidrive.deploy.ros2 import Node
-    from omnidrive.deploy.ros2.drive_reports import DriveReports
-    from omnidrive.deploy.ros2.follow_path import FollowPathServer
-    from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower, PlanFollower
-
-    made = settings.make_robot()
-    with Node(name, **options) as node, announce_compiling():
-        link = Ros2Link(node, made, settings.link)
-        reports = DriveReports(node, link.ros_clock, settings.world_frame)
-        pipeline = settings.make_pipeline(made, reports)
-        follower = PathFollower(
-            link,
-            pipeline,
-            settings.rate,
-            DriveRequests(node, settings.stop),
-            speed=settings.speed,
-            margin=settings.margin,
-        )
-        if reference is not None:
-            motion = _motion(reference, made, follower.current_pose())
-            return _conclude(follower.drive(motion))
-        if serve:
-            show(f"serving follow_path; the lifecycle of {node.full_name} is unconfigured")
-            return all([_conclude(each) for each in FollowPathServer(follower).run(drives)])
-        plans = PlanFollower(follower, settings.plan, settings.goal, settings.map)
-        show(f"waiting for paths on {settings.plan} and goals on {settings.goal}")
-        return all([_conclude(each) for each in plans.run(drives)])
-
-
-def _motion(text: str, robot: Robot, start: Pose) -> Reference:
-    """Return the motion of an option: a waypoint file, or a shape from the robot's pose on."""
-    from omnidrive.cli.components import reference_data
-    from omnidrive.components import configure
-    from omnidrive.reference.components import ReferenceContext
-
-    data = reference_data(text)
-    values = {key: value for key, value in data.items() if key != "type"}
-    motion: Reference = configure("references", data["type"], values).make(
-        ReferenceContext(robot, start)
-    )
-    return motion
-
-
-def _conclude(result: DriveResult) -> bool:
-    """Print the end of a drive; return whether it was finished."""
-    timing = result.timing
-    conclude(f"{result.ending}; {timing.misses} late samples, {result.limited} commands limited")
-    return result.finished
+ros2.command()(drive)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated
 
 from omnidrive import study
-from omnidrive.choices import TaskName
-from omnidrive.cli.components import ControllerOption, with_controllers
+from omnidrive.cli.components import RUN_TASKS, ControllerOption, one_run
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     RESULTS_PANEL,
@@ -18,7 +17,6 @@ from omnidrive.cli.options import (
     FullOption,
     ResultsJsonOption,
     choice,
-    choose_one,
     default_folder,
     flag,
     option,
@@ -28,7 +26,6 @@ from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude
 from omnidrive.errors import InvalidInput
 
-_TASKS = tuple(name for name in get_args(TaskName) if name != "horizon")
 _HorizonOption = Annotated[
     int | None, option("N", "Prediction horizon of the NMPC, in steps.", RUN_PANEL)
 ]
@@ -54,7 +51,7 @@ _VideoOption = Annotated[
 def run(
     shared: ScenarioOptions,
     controller: ControllerOption = "holonomic-nmpc",
-    task: Annotated[str, choice(_TASKS, "Task.", RUN_PANEL)] = "track",
+    task: Annotated[str, choice(RUN_TASKS, "Task.", RUN_PANEL)] = "track",
     horizon: _HorizonOption = None,
     fault: FaultOption = None,
     view: _ViewOption = False,
@@ -89,7 +86,7 @@ def run(
         check_film(video)
     if save_robot is not None:
         check_robot_file(save_robot, force=force)
-    resolved = with_faults(_narrow(shared.resolve(), controller, task, horizon), fault)
+    resolved = with_faults(one_run(shared.resolve(), controller, task, horizon), fault)
     (label,) = resolved.controllers
     folder = out or default_folder(f"{resolved.name}-{label}-{task}")
     with ExitStack() as stack:
@@ -131,20 +128,3 @@ def _save_drive(done: study.Study, scenario: study.Scenario, file: Path) -> str:
     save_robot(identified_robot(robot_of(scenario.robot), found), file, notes=notes)
     lacking = f"; the motion did not determine {', '.join(kept)}" if kept else ""
     return f"robot: {file}{lacking}"
-
-
-def _narrow(
-    scenario: study.Scenario, controller: str, task: str, horizon: int | None
-) -> study.Scenario:
-    """Return the scenario with one controller and the first duration of one task."""
-    scenario = with_controllers(scenario, [controller])
-    chosen = choose_one("task", task, _TASKS)
-    if horizon is not None:
-        (label,) = scenario.controllers
-        if label not in scenario.predictive:
-            raise InvalidInput(
-                f"--horizon applies to controllers with the parameter horizon, not to {label}"
-            )
-        scenario = with_controllers(scenario, [f"{label},horizon={horizon}"])
-    tasks = study.one_task(study.with_task(scenario, [chosen]).tasks, chosen)
-    return scenario.model_copy(update={"tasks": tasks})

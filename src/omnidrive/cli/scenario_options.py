@@ -32,7 +32,7 @@ from omnidrive.cli.options import (
     choose_one,
     flag,
     option,
-    parse_coordinates,
+    parse_waypoint,
 )
 from omnidrive.components import component_names
 from omnidrive.errors import InvalidInput
@@ -356,6 +356,7 @@ def with_options(*left_out: str) -> Callable[[Callable[..., None]], Callable[...
     ]
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
+        """Return the verb with an argument for each shared option instead of ``shared``."""
         own = [
             parameter.replace(kind=Parameter.KEYWORD_ONLY)
             for parameter in signature(verb, eval_str=True).parameters.values()
@@ -364,6 +365,7 @@ def with_options(*left_out: str) -> Callable[[Callable[..., None]], Callable[...
 
         @wraps(verb)
         def command(**given: Any) -> None:
+            """Collect the shared options and call the verb; ``wraps`` replaces this text."""
             shared = ScenarioOptions(
                 **{each.name: given.pop(each.name) for each in shared_parameters}
             )
@@ -379,26 +381,3 @@ def _scenario_name(text: str) -> str:
     """Return ``text`` as a valid scenario name."""
     plain = "".join(c if c.isascii() and (c.isalnum() or c in "_.-") else "_" for c in text)
     return plain.lstrip("_.-")[:60] or "map"
-
-
-def parse_waypoint(name: str, text: str) -> list[float]:
-    """Parse ``X,Y`` or ``X,Y,HEADING`` in m, m, rad.
-
-    Args:
-        name: Name of the option, for messages.
-        text: Its value.
-
-    Raises:
-        InvalidInput: The text has another form, or the heading is not within 6.3 rad of zero.
-    """
-    numbers = parse_coordinates(text)
-    if not numbers:
-        raise InvalidInput(
-            f"--{name} must be X,Y or X,Y,HEADING in m, m, rad, such as 1.5,2 or 1.5,2,-0.78; "
-            f"got '{text}'"
-        )
-    if len(numbers) == 3 and not abs(numbers[2]) <= 6.3:
-        raise InvalidInput(
-            f"--{name}: the heading is {numbers[2]:g} rad, need -6.3 to 6.3 rad (degrees?)"
-        )
-    return numbers

@@ -113,18 +113,22 @@ class StudyProgress:
 
     @property
     def _is_live(self) -> bool:
+        """Whether the progress is one line that changes."""
         return self._console.is_terminal and not is_quiet()
 
     def _refresh(self) -> None:
+        """Draw the line that changes."""
         parts = (self._shown, self._note, self._compiling)
         self._live.update(Text("; ".join(each for each in parts if each)), refresh=True)
 
     def _show_compiling(self, what: str) -> None:
+        """Show what is being compiled; an empty text: nothing."""
         self._compiling = what
         if self._is_live:
             self._refresh()
 
     def _print(self, text: str) -> None:
+        """Print a line unless the output is quiet."""
         if not is_quiet():
             print(encodable(text, sys.stderr.encoding), file=sys.stderr, flush=True)
 

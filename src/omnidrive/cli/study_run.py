@@ -19,6 +19,7 @@ from omnidrive.cli.terminal import show
 from omnidrive.errors import InvalidInput, one_line
 
 if TYPE_CHECKING:
+    from omnidrive.study.axes import Label
     from omnidrive.study.definition import StudyDefinition
 
 _MAX_VALUE = 2000  # characters of a value of --set
@@ -179,12 +180,17 @@ def _show_plan(definition: StudyDefinition) -> None:
         show(f"question: {definition.question}")
     show(f"controllers: {', '.join(definition.scenario.controllers)}")
     for axis in definition.axes:
-        shown = ", ".join(map(str, axis.labels[:_SHOWN_VALUES]))
+        shown = ", ".join(map(_shown, axis.labels[:_SHOWN_VALUES]))
         more = ", ..." if len(axis.labels) > _SHOWN_VALUES else ""
         show(f"axis {axis.name}: {len(axis.labels)} values: {shown}{more}")
     for factor in definition.random.factors:
-        show(f"random ({definition.random.method}): {factor.name}: {factor.source}")
+        show(f"random ({definition.random.method}): {factor.name}: {factor.distribution}")
     show(f"repetitions: {definition.repetitions:,}, each with {plan.per_repetition:,} runs")
     first = plan[0]
-    facts = "".join(f", {name} {value}" for name, value in first.factors.items())
+    facts = "".join(f", {name} {_shown(value)}" for name, value in first.factors.items())
     show(f"first run: {first.job.task}, {first.job.controller}, {first.job.duration:g} s{facts}")
+
+
+def _shown(value: Label) -> str:
+    """Return the value of a factor with few digits."""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

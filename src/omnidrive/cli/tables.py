@@ -55,7 +55,7 @@ def _print(console: Console, table: Table) -> None:
 
 
 def _caption(table: Table) -> str:
-    return " ".join(text for text in (_LEGEND if table.best else "", table.note) if text)
+    return " ".join(text for text in (_LEGEND if table.best else "", table.footnote) if text)
 
 
 def _split(table: Table, width: int) -> list[list[int]]:

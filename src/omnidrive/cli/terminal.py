@@ -92,6 +92,7 @@ class NoteHandler(logging.Handler):
 
 
 def _set_quiet(value: bool) -> None:
+    """Print errors and the last line only, or everything."""
     _Output.quiet = value
 
 
@@ -110,7 +111,8 @@ def quiet_option() -> Any:
                 show_default=False,
             ),
         ] = False,
-    ) -> None: ...
+    ) -> None:
+        """Declare the option; this function is never called."""
 
     app = typer.Typer(add_completion=False)
     app.command()(declaration)

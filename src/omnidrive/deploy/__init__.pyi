@@ -2,7 +2,10 @@ from .clock import Clock, MonotonicClock, SimulatedClock
 from .controls import DriveControls
 from .drive import DriveResult, drive
 from .drive_state import DriveState, StateChange
+from .links.lekiwi import LeKiwiLink
 from .links.simulated import SimulatedLink, SimulatedProcess, SimulatedRobot
+from .links.wheels import WheelsLink
+from .log_replay import LogReplay, replay_log
 from .robot_link import LinkCapabilities, LinkLost, RobotLink
 
 __all__ = [
@@ -10,8 +13,10 @@ __all__ = [
     "DriveControls",
     "DriveResult",
     "DriveState",
+    "LeKiwiLink",
     "LinkCapabilities",
     "LinkLost",
+    "LogReplay",
     "MonotonicClock",
     "RobotLink",
     "SimulatedClock",
@@ -19,5 +24,7 @@ __all__ = [
     "SimulatedProcess",
     "SimulatedRobot",
     "StateChange",
+    "WheelsLink",
     "drive",
+    "replay_log",
 ]

@@ -23,6 +23,7 @@ class CommandGate:
     def __init__(self, robot: Robot) -> None:
         """Take the limits of the wheels from ``robot``."""
         self._robot = robot
+        self._jacobian = [tuple(row) for row in robot.chassis.jacobian.tolist()]
         self.limited = 0
         self.sent: CommandValue = STOP
         self._held: BodyTwist = STOP
@@ -42,8 +43,12 @@ class CommandGate:
 
     def _limited(self, value: CommandValue) -> CommandValue:
         torques = isinstance(value, WheelTorques)
-        wheels = self._robot.chassis.wheel_speeds(value) if isinstance(value, BodyTwist) else value
         limit = self._robot.max_torque if torques else self._robot.max_wheel_speed
+        if isinstance(value, BodyTwist):
+            vx, vy, yaw_rate = value
+            wheels = [x * vx + y * vy + z * yaw_rate for x, y, z in self._jacobian]
+        else:
+            wheels = list(value)
         largest = max(map(abs, wheels))
         if largest <= limit * (1.0 + 1e-9):
             return value

@@ -6,6 +6,8 @@ import logging
 from enum import Enum
 from typing import NamedTuple
 
+REFERENCE_ENDS = "the reference ends"
+"""Reason of the stop of a drive that is finished."""
 _log = logging.getLogger("omnidrive")
 
 

@@ -6,6 +6,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
 
 EDGES = (0.0, 50e-6, 100e-6, 200e-6, 500e-6, 1e-3, 2e-3, 5e-3, 10e-3, np.inf)
 """Edges of the histogram of the jitter, s."""
@@ -18,8 +21,8 @@ class TimingSummary(NamedTuple):
     samples: int
     """Number of samples."""
     misses: int
-    """Number of samples whose command was sent after the next sample was due; the samples in
-    between are skipped."""
+    """Number of times that a command was sent after the next sample was due; samples are skipped
+    then."""
     skipped: int
     """Number of samples that were skipped."""
     jitter_median: float
@@ -47,7 +50,7 @@ class LoopTiming:
 
     Attributes:
         skipped: Number of samples that were skipped.
-        misses: Number of samples that ended after the next one was due.
+        misses: Number of times that a command was sent after the next sample was due.
     """
 
     capacity: int
@@ -65,6 +68,21 @@ class LoopTiming:
         i = self._count % self.capacity
         self._late[i], self._busy[i] = late, busy
         self._count += 1
+
+    @property
+    def lateness(self) -> Float[Array, " samples"]:
+        """Time from deadline to begin of the last ``capacity`` samples, in order, s."""
+        return self._in_order(self._late)
+
+    @property
+    def busy(self) -> Float[Array, " samples"]:
+        """Time from begin to command of the last ``capacity`` samples, in order, s."""
+        return self._in_order(self._busy)
+
+    def _in_order(self, times: Float[Array, " capacity"]) -> Float[Array, " samples"]:
+        if self._count <= self.capacity:
+            return times[: self._count]
+        return np.roll(times, -(self._count % self.capacity))
 
     def summary(self) -> TimingSummary:
         """Return the figures; of the last ``capacity`` samples."""

@@ -5,12 +5,16 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
 PRIORITY = 50
 """Priority with SCHED_FIFO, 1 to 99; interrupt threads of PREEMPT_RT kernels have 50."""
+_PRIORITY_BELOW = 40
+SWITCH_INTERVAL = 2e-4
+"""Time after which other threads give the interpreter to the loop, s; 5 ms by default."""
 _MCL_CURRENT, _MCL_FUTURE = 1, 2  # of mlockall(2)
 _PR_SET_TIMERSLACK = 29  # of prctl(2)
 
@@ -33,13 +37,15 @@ def realtime(*, cpu: int | None = None) -> Iterator[list[Measure]]:
     """Prepare this process for a real-time loop, and undo it at the end.
 
     The garbage collector is off and what exists is frozen, the memory is locked, timers are exact,
-    the thread has the policy SCHED_FIFO, and optionally one processor. What the system does not
-    allow is left out; it is named in the yielded list.
+    the thread has the policy SCHED_FIFO, which nothing that it starts inherits, and optionally one
+    processor; other threads of this process give the interpreter away sooner. What the system does
+    not allow is left out; it is named in the yielded list.
 
     Args:
         cpu: Number of the processor to run on; None: any.
     """
-    enabled = gc.isenabled()
+    enabled, interval = gc.isenabled(), sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_INTERVAL)
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -49,13 +55,14 @@ def realtime(*, cpu: int | None = None) -> Iterator[list[Measure]]:
             Measure("garbage collector frozen"),
             _tried("memory locked", _lock_memory),
             _tried("timers exact", lambda: _call("prctl", _PR_SET_TIMERSLACK, 1, 0, 0, 0)),
-            _tried("SCHED_FIFO", _set_fifo),
+            _tried("SCHED_FIFO", lambda: _set_fifo(PRIORITY)),
             *([_tried(f"processor {cpu}", lambda: _pin(cpu))] if cpu is not None else []),
         ]
     finally:
         with suppress(OSError, AttributeError):
             _call("munlockall")
         _restore(before)
+        sys.setswitchinterval(interval)
         gc.unfreeze()
         if enabled:
             gc.enable()
@@ -82,8 +89,19 @@ def _lock_memory() -> None:
     _call("mlockall", _MCL_CURRENT | _MCL_FUTURE)
 
 
-def _set_fifo() -> None:
-    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+def schedule_below_loop() -> None:
+    """Give this thread a priority below that of the loop and above other programs, if allowed.
+
+    For threads of the loop's process, which the loop waits for while they have the interpreter, and
+    for simulated robots, which like real ones do not wait for other programs.
+    """
+    with suppress(OSError, AttributeError):
+        _set_fifo(_PRIORITY_BELOW)
+
+
+def _set_fifo(priority: int) -> None:
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK  # what it starts does not inherit it
+    os.sched_setscheduler(0, policy, os.sched_param(priority))
 
 
 def _pin(cpu: int | None) -> None:

@@ -80,3 +80,23 @@ class RobotLink(Protocol):
     def close(self) -> None:
         """Stop the robot and disconnect; the link is not used afterwards."""
         ...
+
+
+@runtime_checkable
+class ReportingLink(Protocol):
+    """A link that has something to say after a drive."""
+
+    @property
+    def report(self) -> str:
+        """What the link found, in one line."""
+        ...
+
+
+@runtime_checkable
+class ExplainingLink(Protocol):
+    """A link that says what is wrong with the robot's readings."""
+
+    @property
+    def fault(self) -> str:
+        """Why no usable readings arrive, in one line; empty: not known."""
+        ...

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from omnidrive.deploy.links.simulated import SimulatedRobot
 from omnidrive.study.jobs import make_controller, make_estimator, make_sensors, make_supervisor
 from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.plants import new_plant
+
+_ANY_AGE = 1e6  # s; the largest limit of a scenario
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +34,16 @@ class ScenarioRobot:
             scenario, planned.robot, np.random.default_rng([scenario.seed, 0]), noise=self.noise
         )
         return SimulatedRobot(planned.plant_robot, new_plant(planned), sensors)
+
+
+def without_pose_fixes(planned: PlannedScenario) -> PlannedScenario:
+    """Return the scenario for a link that measures no pose: pose fixes may be of any age.
+
+    The watchdog's limit of the standard deviation, which grows as the estimator reckons, remains.
+    """
+    watchdog = planned.scenario.watchdog.model_copy(update={"age": _ANY_AGE})
+    scenario = planned.scenario.model_copy(update={"watchdog": watchdog})
+    return replace(planned, scenario=scenario)
 
 
 def scenario_pipeline(planned: PlannedScenario, label: str) -> Pipeline:

@@ -2,13 +2,17 @@
 
 It is made of the types and the encoder of cyclonedds, written by hand, and of rosbags. It echoes
 each Twist on /cmd_vel as an Odometry on /odom, and prints what it sees of the others as JSON when a
-line arrives. Arguments: domain, humble or jazzy.
+line arrives; after the line "room" it publishes a map, a transform and a scan in a square room.
+Arguments: domain, humble or jazzy.
 """
 
 import json
+import math
 import sys
 import threading
+import time
 from dataclasses import dataclass
+from types import new_class
 
 from cyclonedds.builtin import (
     BuiltinDataReader,
@@ -18,7 +22,17 @@ from cyclonedds.builtin import (
 from cyclonedds.core import Policy, Qos, ReadCondition, WaitSet
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import array, bounded_str, float64, int32, sequence, uint8, uint32
+from cyclonedds.idl.types import (
+    array,
+    bounded_str,
+    float32,
+    float64,
+    int8,
+    int32,
+    sequence,
+    uint8,
+    uint32,
+)
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -32,91 +46,83 @@ CONFIGURATION = """<CycloneDDS><Domain><General>
 FOREVER = 2**63 - 1
 
 
-@dataclass
-class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
-    x: float64
-    y: float64
-    z: float64
+def struct(package, name, **fields):
+    """A message type of ROS 2 as cyclonedds has it."""
+    typename = f"{package}.msg.dds_.{name}_"
+    fill = {"__annotations__": fields, "__module__": __name__}
+    made = new_class(name, (IdlStruct,), {"typename": typename}, lambda body: body.update(fill))
+    return dataclass(made)
 
 
-@dataclass
-class Point(IdlStruct, typename="geometry_msgs.msg.dds_.Point_"):
-    x: float64
-    y: float64
-    z: float64
-
-
-@dataclass
-class Quaternion(IdlStruct, typename="geometry_msgs.msg.dds_.Quaternion_"):
-    x: float64
-    y: float64
-    z: float64
-    w: float64
-
-
-@dataclass
-class Pose(IdlStruct, typename="geometry_msgs.msg.dds_.Pose_"):
-    position: Point
-    orientation: Quaternion
-
-
-@dataclass
-class Twist(IdlStruct, typename="geometry_msgs.msg.dds_.Twist_"):
-    linear: Vector3
-    angular: Vector3
-
-
-@dataclass
-class PoseWithCovariance(IdlStruct, typename="geometry_msgs.msg.dds_.PoseWithCovariance_"):
-    pose: Pose
-    covariance: array[float64, 36]
-
-
-@dataclass
-class TwistWithCovariance(IdlStruct, typename="geometry_msgs.msg.dds_.TwistWithCovariance_"):
-    twist: Twist
-    covariance: array[float64, 36]
-
-
-@dataclass
-class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
-    sec: int32
-    nanosec: uint32
-
-
-@dataclass
-class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
-    stamp: Time
-    frame_id: str
-
-
-@dataclass
-class Odometry(IdlStruct, typename="nav_msgs.msg.dds_.Odometry_"):
-    header: Header
-    child_frame_id: str
-    pose: PoseWithCovariance
-    twist: TwistWithCovariance
-
-
-@dataclass
-class Gid(IdlStruct, typename="rmw_dds_common.msg.dds_.Gid_"):
-    data: array[uint8, GID]
-
-
-@dataclass
-class NodeEntitiesInfo(IdlStruct, typename="rmw_dds_common.msg.dds_.NodeEntitiesInfo_"):
-    node_namespace: bounded_str[256]
-    node_name: bounded_str[256]
-    reader_gid_seq: sequence[Gid]
-    writer_gid_seq: sequence[Gid]
-
-
-@dataclass
-class ParticipantEntitiesInfo(
-    IdlStruct, typename="rmw_dds_common.msg.dds_.ParticipantEntitiesInfo_"
-):
-    gid: Gid
-    node_entities_info_seq: sequence[NodeEntitiesInfo]
+XYZ = dict.fromkeys("xyz", float64)
+Vector3 = struct("geometry_msgs", "Vector3", **XYZ)
+Point = struct("geometry_msgs", "Point", **XYZ)
+Quaternion = struct("geometry_msgs", "Quaternion", **XYZ, w=float64)
+Pose = struct("geometry_msgs", "Pose", position=Point, orientation=Quaternion)
+Twist = struct("geometry_msgs", "Twist", linear=Vector3, angular=Vector3)
+COVARIANCE = array[float64, 36]
+PoseWithCovariance = struct("geometry_msgs", "PoseWithCovariance", pose=Pose, covariance=COVARIANCE)
+TwistWithCovariance = struct(
+    "geometry_msgs", "TwistWithCovariance", twist=Twist, covariance=COVARIANCE
+)
+Time = struct("builtin_interfaces", "Time", sec=int32, nanosec=uint32)
+Header = struct("std_msgs", "Header", stamp=Time, frame_id=str)
+Odometry = struct(
+    "nav_msgs",
+    "Odometry",
+    header=Header,
+    child_frame_id=str,
+    pose=PoseWithCovariance,
+    twist=TwistWithCovariance,
+)
+Transform = struct("geometry_msgs", "Transform", translation=Vector3, rotation=Quaternion)
+TransformStamped = struct(
+    "geometry_msgs",
+    "TransformStamped",
+    header=Header,
+    child_frame_id=str,
+    transform=Transform,
+)
+TFMessage = struct("tf2_msgs", "TFMessage", transforms=sequence[TransformStamped])
+MapMetaData = struct(
+    "nav_msgs",
+    "MapMetaData",
+    map_load_time=Time,
+    resolution=float32,
+    width=uint32,
+    height=uint32,
+    origin=Pose,
+)
+OccupancyGrid = struct(
+    "nav_msgs", "OccupancyGrid", header=Header, info=MapMetaData, data=sequence[int8]
+)
+LaserScan = struct(
+    "sensor_msgs",
+    "LaserScan",
+    header=Header,
+    **dict.fromkeys(
+        ("angle_min", "angle_max", "angle_increment", "time_increment", "scan_time"), float32
+    ),
+    range_min=float32,
+    range_max=float32,
+    ranges=sequence[float32],
+    intensities=sequence[float32],
+)
+Gid = struct("rmw_dds_common", "Gid", data=array[uint8, GID])
+NodeEntitiesInfo = struct(
+    "rmw_dds_common",
+    "NodeEntitiesInfo",
+    node_namespace=bounded_str[256],
+    node_name=bounded_str[256],
+    reader_gid_seq=sequence[Gid],
+    writer_gid_seq=sequence[Gid],
+)
+ParticipantEntitiesInfo = struct(
+    "rmw_dds_common",
+    "ParticipantEntitiesInfo",
+    gid=Gid,
+    node_entities_info_seq=sequence[NodeEntitiesInfo],
+)
 
 
 def qos(history, durability=Policy.Durability.Volatile, type_name=""):
@@ -182,6 +188,49 @@ class Peer:
                     )
                 )
 
+    def room(self):
+        """Publish a map, the mounting of a scanner, odometry and a scan.
+
+        The room has 4 m by 6 m and its lower left corner at the origin of the map; the robot is at
+        (1.5, 2.0) with the heading 0.3, its scanner 0.2 m ahead and turned by pi.
+        """
+        last, latched = Policy.History.KeepLast(1), Policy.Durability.TransientLocal
+        writers = []
+        for name, kind, type_name, durability in (
+            ("map", OccupancyGrid, "nav_msgs/msg/OccupancyGrid", latched),
+            ("tf_static", TFMessage, "tf2_msgs/msg/TFMessage", latched),
+            ("scan", LaserScan, "sensor_msgs/msg/LaserScan", Policy.Durability.Volatile),
+        ):
+            topic = Topic(self.participant, f"rt/{name}", kind)
+            writers.append(DataWriter(self.participant, topic, qos(last, durability, type_name)))
+        cells = [100 if i in {0, 121} or k in {0, 81} else 0 for i in range(122) for k in range(82)]
+        level, zero = Quaternion(0.0, 0.0, 0.0, 1.0), [0.0] * 36
+        info = MapMetaData(Time(0, 0), 0.05, 82, 122, Pose(Point(-0.05, -0.05, 0.0), level))
+        writers[0].write(OccupancyGrid(Header(Time(0, 0), "map"), info, cells))
+        behind = Transform(Vector3(0.2, 0.0, 0.2), Quaternion(0.0, 0.0, 1.0, 0.0))
+        mounting = TransformStamped(Header(Time(0, 0), "base_link"), "laser", behind)
+        writers[1].write(TFMessage([mounting]))
+        x, y = 1.5 + 0.2 * math.cos(0.3), 2.0 + 0.2 * math.sin(0.3)
+        ranges = []
+        for k in range(360):
+            angle = 0.3 + k * math.pi / 180.0
+            c, s = math.cos(angle), math.sin(angle)
+            to_side, to_end = (4.0 if c > 0.0 else 0.0) - x, (6.0 if s > 0.0 else 0.0) - y
+            ranges.append(min(to_side / c, to_end / s))
+        for _ in range(20):
+            now = time.time_ns()
+            stamp = Time(now // 10**9, now % 10**9)
+            twist = TwistWithCovariance(Twist(Vector3(0.0, 0.0, 0.0), Vector3(0.0, 0.0, 0.0)), zero)
+            pose = PoseWithCovariance(Pose(Point(7.0, 8.0, 0.0), level), zero)
+            self.odometry.write(Odometry(Header(stamp, "odom"), "base_link", pose, twist))
+            head = Header(stamp, "laser")
+            step = math.pi / 180.0
+            first = -math.pi
+            writers[2].write(
+                LaserScan(head, first, first + 359.0 * step, step, 0.0, 0.1, 0.05, 20.0, ranges, [])
+            )
+            time.sleep(0.1)
+
     def report(self):
         """Nodes by participant, and USER_DATA of participants and publications."""
         for info in self.infos.take(1000):
@@ -207,5 +256,8 @@ if __name__ == "__main__":
     peer = Peer()
     print("ready", flush=True)
     threading.Thread(target=peer.echo, daemon=True).start()
-    for _ in sys.stdin:
+    for line in sys.stdin:
+        if line == "room\n":
+            peer.room()
+            continue
         print(json.dumps(peer.report()), flush=True)

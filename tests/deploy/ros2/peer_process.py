@@ -20,6 +20,10 @@ class PeerProcess:
     def __init__(self, process):
         self.process = process
 
+    def room(self):
+        self.process.stdin.write("room\n")
+        self.process.stdin.flush()
+
     def report(self):
         self.process.stdin.write("\n")
         self.process.stdin.flush()

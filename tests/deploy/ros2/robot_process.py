@@ -12,10 +12,11 @@ from omnidrive.robot import named_robot
 from omnidrive.simulation import KinematicPlant
 
 ROBOT = named_robot("mecanum")
+ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 @contextmanager
-def running_robot(domain, **settings):
+def running_robot(domain, *, start=ORIGIN, grid=None, **settings):
     """A simulated robot that moves in a thread."""
     options = {"domain": domain, "peers": ["localhost"], "distribution": "jazzy"}
     with Node("robot", **options) as node:
@@ -23,8 +24,9 @@ def running_robot(domain, **settings):
             node,
             KinematicPlant(ROBOT),
             ROBOT,
-            Pose(0.0, 0.0, 0.0),
+            start,
             settings=Ros2RobotSettings(**settings),
+            grid=grid,
         )
         ended = threading.Event()
 

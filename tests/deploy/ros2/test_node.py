@@ -188,3 +188,11 @@ def test_without_the_package_the_extra_is_named():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert "pip install 'omnidrive[ros2]'" in result.stdout
+
+
+@pytest.mark.parametrize(
+    "peer", ["not_a_host_", "", "two words", "x" * 300, "localhost:7400", "::1"]
+)
+def test_an_unknown_peer_is_refused(peer):
+    with pytest.raises(InvalidInput, match="is an unknown host"):
+        Node("robot", domain=new_domain(), peers=[peer])

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from omnidrive.deploy.ros2 import Node
-from omnidrive.deploy.ros2.pose_source import Frames, PoseSource, Transform, TransformTree
+from omnidrive.deploy.ros2.pose_source import PoseSource
+from omnidrive.deploy.ros2.transform_tree import Frames, Transform, TransformTree
 from omnidrive.geometry import Pose
 from tests.deploy.ros2.peer_process import new_domain
 from tests.deploy.ros2.robot_process import ROBOT, Odometer
@@ -107,6 +108,43 @@ def test_jumps_pause_the_poses(bench):
     time.sleep(0.8)
     bench.odometer.odom(3.0)
     assert bench.read().pose.x == 3.0
+
+
+def test_a_localisation_that_falls_silent_is_named(bench):
+    """Odometry alone would drift without a limit."""
+    bench.odometer.tf("map", "odom", age=2.2)
+    bench.odometer.odom()
+    assert bench.refused().startswith("odom in map is 2.")
+
+
+def test_a_localisation_that_leaves_is_named():
+    options = {"domain": new_domain(), "peers": ["localhost"], "distribution": "jazzy"}
+    with Node("driver", **options) as node:
+        source = PoseSource(node, ROBOT, Frames(), time.time)
+        fixes = []
+
+        def is_read():
+            fixes.append(source.read())
+            return fixes[-1]
+
+        with Node("robot", **options) as robot:
+            odometer = Odometer(robot)
+            assert node.wait_for(lambda: odometer.localisation.matched, 5.0)
+            odometer.odom()
+            assert node.wait_for(lambda: is_read() or source._odometry, 5.0)
+            odometer.amcl(1.0, 0.0, 0.0)
+            assert node.wait_for(is_read, 5.0)
+            assert fixes[-1].pose.x == pytest.approx(1.0)
+            odometer.odom(0.01)
+            assert node.wait_for(is_read, 5.0)
+        with Node("base", **options) as robot:
+            publisher = robot.publisher("/odom", "nav_msgs/msg/Odometry")
+            assert node.wait_for(lambda: publisher.matched and not source._is_published(), 5.0)
+            odometer = Odometer.__new__(Odometer)
+            odometer.odometry = publisher
+            odometer.odom(0.02)
+            assert node.wait_for(lambda: is_read() or source.fault, 5.0)
+    assert source.fault == "nothing publishes /amcl_pose any more"
 
 
 def test_stamps_that_go_back_are_refused(bench):

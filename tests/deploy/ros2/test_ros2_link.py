@@ -1,7 +1,9 @@
 """The link to a robot in the graph, and drives over it."""
 
+import json
 import threading
 import time
+from dataclasses import replace
 from math import hypot, inf, nan, pi
 
 import numpy as np
@@ -11,20 +13,25 @@ from omnidrive.control import FeedforwardController, Pipeline
 from omnidrive.deploy.clock import MonotonicClock
 from omnidrive.deploy.drive_state import DriveState
 from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
+from omnidrive.deploy.log import LogFolder, read_log
+from omnidrive.deploy.log_replay import replay_log
 from omnidrive.deploy.robot_link import LinkLost, RobotLink
 from omnidrive.deploy.ros2 import LATCHED_QOS, Node, message_type
+from omnidrive.deploy.ros2.drive_files import PARAMETERS_FILE, drive_of_log, parameters_file
 from omnidrive.deploy.ros2.drive_reports import DriveReports, ReportedPipeline
 from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower, PlanFollower
 from omnidrive.deploy.ros2.path_reference import is_same_ahead, path_poses, path_reference
 from omnidrive.deploy.ros2.planar_messages import map_message, set_pose
-from omnidrive.deploy.ros2.pose_source import Transform, TransformTree
+from omnidrive.deploy.ros2.ros_time import stamp
+from omnidrive.deploy.ros2.transform_tree import Transform, TransformTree
 from omnidrive.errors import InvalidInput, InvalidReference
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
-from omnidrive.reference import Circle, ShapeReference
+from omnidrive.reference import Circle, Hold, ShapeReference
+from tests.command import omnidrive
 from tests.deploy.ros2.peer_process import new_domain
-from tests.deploy.ros2.robot_process import ROBOT, running_robot
+from tests.deploy.ros2.robot_process import ROBOT, Odometer, running_robot
 
 RATE = 25.0
 QUICK = Ros2LinkSettings(timeout=0.1)
@@ -89,7 +96,7 @@ def test_a_drive_follows_its_reference_and_reports_it(world):
     errors = np.hypot(*(result.run.pose - result.run.target)[:, :2].T)
     assert errors.mean() < 0.1
     assert hypot(*robot.state.pose[:2]) < 0.1
-    assert abs(robot._command.vx) == 0.0
+    assert user.wait_for(lambda: robot._command.vx == 0.0, 3.0)
     (status,) = diagnostics.take()[0].message.status
     assert status.name == "drive: tracking"
     assert status.values[0].key == "position error (m)"
@@ -97,7 +104,7 @@ def test_a_drive_follows_its_reference_and_reports_it(world):
     assert (plan.header.frame_id, len(plan.poses)) == ("map", 21)
 
 
-def test_a_stop_request_of_another_node_ends_the_drive(world):
+def test_a_stop_request_of_another_node_ends_the_drive(world, tmp_path):
     robot, follower, user = world
     stop = user.publisher("/e_stop", "std_msgs/msg/Bool")
     user.wait_for(lambda: stop.matched, 5.0)
@@ -106,11 +113,33 @@ def test_a_stop_request_of_another_node_ends_the_drive(world):
         if robot.commands > 20:
             stop.publish(stop.message(data=True))
 
+    settings = DriveSettings(robot="small", controller="feedforward", rate=follower.rate)
+    follower.logs = LogFolder(tmp_path, {PARAMETERS_FILE: parameters_file(settings)})
     result = follower.drive(circle(20.0), watch=ask)
     assert not result.finished
     assert result.ending == "stop requested on /e_stop"
     assert follower.requests.stopped
     assert user.wait_for(lambda: max(map(abs, robot.state.twist)) < 0.02, 3.0)
+    found = read_log(tmp_path / "drive-0001.mcap")
+    assert found.changes == result.changes
+    assert sum(each.sent is not None for each in found.samples()) > 20
+    _replay(tmp_path, found)
+
+
+def _replay(folder, found):
+    """Replay the log of a drive, as ``omnidrive log replay`` does."""
+    same = replay_log(found, *drive_of_log(found.files, found.robot))
+    assert len(same.t) > 20
+    assert same.replayed == pytest.approx(same.logged, abs=1e-9)
+    other = replay_log(found, *drive_of_log(found.files, found.robot, controller="pid"))
+    assert np.abs(other.replayed - other.logged).max() > 1e-6
+    done = omnidrive("log", "replay", "drive-0001.mcap", "--json", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["samples"] == len(same.t)
+    own = replace(DriveSettings(rate=1.0 / found.dt), controller="mine.py:Controller")
+    files = dict(found.files) | {PARAMETERS_FILE: parameters_file(own)}
+    with pytest.raises(InvalidInput, match="allow-code"):
+        drive_of_log(files, found.robot)
 
 
 @pytest.mark.long
@@ -139,6 +168,42 @@ def test_a_robot_that_falls_silent_is_held_until_it_is_armed_again(world):
     assert "more than 0.5 s" in held.reason
     assert states.count(DriveState.RUNNING) >= 2
     assert result.finished
+
+
+def test_a_jump_of_the_localisation_holds_the_robot():
+    """A pose on /amcl_pose that is 2 m beside the last one: nothing moves until it is armed."""
+    domain = new_domain()
+    with (
+        running_robot(domain, rate=RATE, localised=False) as robot,
+        Node("drive", **options(domain)) as node,
+        Node("amcl", **options(domain)) as user,
+    ):
+        follower = PathFollower(Ros2Link(node, ROBOT), pipeline(), RATE, DriveRequests(node))
+        localisation = Odometer(user).localisation
+        assert user.wait_for(lambda: localisation.matched, 5.0)
+        jumped, at_rest = [], []
+
+        def publish(x):
+            message = localisation.message()
+            message.header.stamp, message.header.frame_id = stamp(time.time(), "jazzy"), "map"
+            message.pose.pose.position.x = x
+            message.pose.pose.orientation.w = 1.0
+            localisation.publish(message)
+
+        def watch(controls):
+            if robot.commands > 15 and not jumped:
+                jumped.append(time.monotonic())
+                publish(robot.state.pose.x + 2.0)
+            elif jumped and time.monotonic() - jumped[0] > 1.5:
+                at_rest.append(max(map(abs, robot.state.twist)))
+                controls.stop("end of the test")
+
+        assert user.wait_for(lambda: publish(0.0) or follower.link.poses.read(), 5.0)
+        result = follower.drive(Hold(Pose(0.5, 0.0, 0.0), 30.0), watch=watch)
+    held = next(each for each in result.changes if each.state is DriveState.HOLDING)
+    assert held.reason.startswith("the pose jumps by ")
+    assert result.ending == "end of the test"
+    assert at_rest[0] < 0.02
 
 
 def test_another_publisher_of_commands_is_refused(world):

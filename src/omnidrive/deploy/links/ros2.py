@@ -15,11 +15,13 @@ from omnidrive.deploy.ros2.dds import SENSOR_QOS, Qos
 from omnidrive.deploy.ros2.graph import describe
 from omnidrive.deploy.ros2.node import Node, Publisher, Subscription
 from omnidrive.deploy.ros2.planar_messages import set_twist
-from omnidrive.deploy.ros2.pose_source import Frames, PoseSource
+from omnidrive.deploy.ros2.pose_source import PoseSource
 from omnidrive.deploy.ros2.ros_time import RosClock, stamp
+from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation
+from omnidrive.deploy.ros2.transform_tree import Frames
 from omnidrive.errors import InvalidInput, one_line
 from omnidrive.estimation import SensorReadings
-from omnidrive.geometry import BodyTwist
+from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.parameter import Bounds, check_bounds, check_choice
 from omnidrive.robot import Robot
 
@@ -44,6 +46,12 @@ class Ros2LinkSettings:
     """Topic of odometry."""
     localisation: str = "/amcl_pose"
     """Topic of the pose in the world frame, if ``/tf`` does not give it."""
+    map: str = "/map"
+    """Topic of the map for the localisation by scans."""
+    scan: str = "/scan"
+    """Topic of laser scans, which localise the robot if nothing else does."""
+    initial_pose: Pose | None = None
+    """Pose in W from which scans localise the robot; None: that of ``/initialpose``."""
     joint_states: str = "/joint_states"
     """Topic of the wheels' angles."""
     wheel_joints: tuple[str, ...] = ()
@@ -90,9 +98,10 @@ class Ros2Link:
             )
         self.node, self._robot, self.settings = node, robot, settings
         self.ros_clock = RosClock(node, simulated=settings.use_sim_time)
-        self.poses = PoseSource(
-            node, robot, settings.frames, self.ros_clock.now, settings.odom, settings.localisation
-        )
+        frames, scan = settings.frames, settings.scan
+        self.scans = ScanLocalisation(node, frames, scan, settings.map, settings.initial_pose)
+        topics = settings.odom, settings.localisation
+        self.poses = PoseSource(node, robot, frames, self.ros_clock.now, *topics, self.scans)
         self._clock: Clock | None = None
         self._commands: Publisher | None = None
         self._rivals: Subscription | None = None
@@ -144,6 +153,8 @@ class Ros2Link:
         """
         self._check_rivals()
         self._read_joints()
+        if self._robots() == 0:
+            return None
         fix = self.poses.read()
         clock, now = self._opened(), self.ros_clock.now()
         if fix is None or now is None:
@@ -151,6 +162,13 @@ class Ros2Link:
         here = clock.now()
         fix = fix._replace(stamp=fix.stamp + here - now)
         return SensorReadings(here, self._angles, (), None, (fix,))
+
+    @property
+    def fault(self) -> str:
+        """Why no poses arrive, in one line; empty: not known."""
+        if self._robots() == 0:
+            return f"nothing subscribes to {self.settings.cmd_vel} any more"
+        return self.poses.fault
 
     def send(self, value: CommandValue) -> None:
         """Publish a body twist.

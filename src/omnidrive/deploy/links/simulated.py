@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from math import floor
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -17,6 +20,8 @@ import numpy as np
 from omnidrive.control import CommandValue
 from omnidrive.control.controller import STOP
 from omnidrive.deploy.clock import Clock, SimulatedClock
+from omnidrive.deploy.links.writable import is_writable
+from omnidrive.deploy.realtime import schedule_below_loop
 from omnidrive.deploy.robot_link import LinkCapabilities, LinkLost
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import SensorReadings
@@ -27,6 +32,9 @@ from omnidrive.simulation import Plant, PlantState, Sensors
 
 WATCHDOG = 0.5
 """Time without a command after which a simulated robot stops, s."""
+_ROUNDING = 1e-9  # s
+_OF_TERMINAL = {signal.SIGINT, signal.SIGHUP}
+_MOST_SKIPPED = 100  # readings, until the process gives up its priority
 _DELAY = Bounds(0.0, 10.0, "s")
 
 
@@ -56,6 +64,9 @@ class SimulatedLink:
     _clock: Clock = field(default_factory=SimulatedClock, init=False)
     _time: float | None = field(default=None, init=False)
     """Time up to which the plant was simulated, s; None before the first reading."""
+    _step: float = field(default=0.0, init=False)
+    """Last time step, s; used again if the next one differs by rounding errors only, so that the
+    plant moves exactly as in a simulation."""
     _origin: float = field(default=0.0, init=False)
     _state: PlantState = field(default=PlantState(Pose(0.0, 0.0, 0.0), STOP, 0.0), init=False)
     _command: CommandValue = field(default=STOP, init=False)
@@ -91,7 +102,10 @@ class SimulatedLink:
         if self._time is None:
             self._origin = now
         elif now > self._time:
-            self._state = self.simulated.plant.step(self._command, now - self._time)
+            step = now - self._time
+            if abs(step - self._step) > _ROUNDING:
+                self._step = step
+            self._state = self.simulated.plant.step(self._command, self._step)
         self._time = now
         self.states.append(self._state)
         readings = self.simulated.sensors.read(now - self._origin, self._state)
@@ -116,7 +130,9 @@ class SimulatedProcess:
     """A plant in a process of its own, which moves with the monotonic clock.
 
     It stops by itself when no command arrives for :data:`WATCHDOG` seconds, as when the driving
-    process is killed; when the connection is closed, the process ends.
+    process is killed; when the connection is closed, the process ends. Where the system allows it,
+    the process has the policy SCHED_FIFO below the loop, as a real robot does not wait for other
+    programs, until a plant that is slower than real time skips 100 readings.
 
     Attributes:
         robot: The simulated robot.
@@ -166,7 +182,13 @@ class SimulatedProcess:
         self._process = context.Process(
             target=_simulate, args=(there, self.make, settings), daemon=True
         )
-        self._process.start()
+        mask = signal.pthread_sigmask(
+            signal.SIG_BLOCK, _OF_TERMINAL
+        )  # inherited: the loop stops it
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         there.close()
         self._connection = here
         try:
@@ -188,17 +210,19 @@ class SimulatedProcess:
         return newest and newest._replace(fixes=tuple(fixes))
 
     def send(self, value: CommandValue) -> None:
-        """Send a command."""
+        """Send a command; it is lost while the process takes none."""
+        connection = self._opened()
         try:
-            self._opened().send(value)
+            if is_writable(connection):
+                connection.send((time.monotonic(), value))
         except (OSError, ValueError):
             raise LinkLost("the process of the simulated robot has ended") from None
 
     def stop(self) -> None:
         """Command zero speed."""
         if self._connection is not None:
-            with suppress(OSError, ValueError):
-                self._connection.send(STOP)
+            with suppress(LinkLost):
+                self.send(STOP)
 
     def close(self) -> None:
         """Stop the robot and end the process."""
@@ -229,6 +253,7 @@ def _simulate(
     connection: Connection, make: Callable[[], SimulatedRobot], settings: _Settings
 ) -> None:
     """Simulate in this process, with readings and commands delayed, until the connection ends."""
+    schedule_below_loop()
     _, plant, sensors = make()
     state = plant.reset(settings.start)
     sensors.reset(settings.start)
@@ -241,49 +266,79 @@ def _simulate(
     plant.close()
 
 
+class _CommandedPlant:
+    """A plant that moves as commanded, each command from the time on at which it is due."""
+
+    def __init__(self, plant: Plant, state: PlantState, begin: float) -> None:
+        """Begin at rest, at a time (s)."""
+        self.state = state
+        self.received: deque[tuple[float, CommandValue]] = deque()
+        """Times (s) at which commands act, and these, in the order of arrival."""
+        self._plant = plant
+        self._command: CommandValue = STOP
+        self._simulated = self._heard = begin
+
+    def move(self, until: float) -> None:
+        """Let the commands act that are due up to a time (s), and simulate up to the last."""
+        while self.received and self.received[0][0] <= until:
+            at, value = self.received.popleft()
+            self.simulate(at)
+            self._command, self._heard = value, at
+
+    def simulate(self, until: float) -> None:
+        """Simulate until a time (s); the watchdog stops the robot in between."""
+        if self._command != STOP and until - self._heard > WATCHDOG:
+            self._advance(self._heard + WATCHDOG)
+            self._command = STOP
+        self._advance(until)
+
+    def _advance(self, until: float) -> None:
+        if until - self._simulated >= 1e-6:
+            self.state = self._plant.step(self._command, until - self._simulated)
+            self._simulated = until
+
+
 def _serve(
     connection: Connection, plant: Plant, sensors: Sensors, state: PlantState, settings: _Settings
 ) -> None:
-    """Move the plant with the clock; commands act when they arrive."""
+    """Move the plant with the clock.
+
+    A command acts at the time at which it is sent plus its delay, and readings are those of their
+    stamp, also where this process runs late.
+    """
     rng = np.random.default_rng(settings.seed)
 
     def delay() -> float:
         """Return a random delay, s."""
         return settings.latency + settings.jitter * float(rng.random())
 
-    begin = simulated = time.monotonic()
-    heard = begin
-    command: CommandValue = STOP
+    begin = time.monotonic()
+    robot = _CommandedPlant(plant, state, begin)
     sent: deque[tuple[float, SensorReadings]] = deque()
-    received: deque[tuple[float, CommandValue]] = deque()
-    number = 0
+    number = skipped = 0
     while True:
         due = begin + number * settings.period
-        wait = min([due, *(at for at, _ in (*received, *sent))]) - time.monotonic()
-        if connection.poll(max(wait, 0.0)):
-            received.append((time.monotonic() + delay(), connection.recv()))
+        wait = min([due, *(at for at, _ in (*robot.received, *sent))]) - time.monotonic()
+        waiting = connection.poll(max(wait, 0.0))
+        while waiting:
+            at, value = connection.recv()
+            robot.received.append((at + delay(), value))
+            waiting = connection.poll()
         now = time.monotonic()
-        while received and received[0][0] <= now:
-            at, value = received.popleft()
-            state, simulated = _advance(plant, state, command, simulated, at)
-            command, heard = value, at
-        if now - heard > WATCHDOG and command != STOP:
-            state, simulated = _advance(plant, state, command, simulated, heard + WATCHDOG)
-            command = STOP
         if now >= due:
-            state, simulated = _advance(plant, state, command, simulated, due)
-            readings = sensors.read(due - begin, state)
+            robot.move(due)
+            robot.simulate(due)
+            readings = sensors.read(due - begin, robot.state)
             fixes = tuple(fix._replace(stamp=fix.stamp + begin) for fix in readings.fixes)
             sent.append((due + delay(), readings._replace(stamp=due, fixes=fixes)))
-            number += 1
+            behind = floor((time.monotonic() - due) / settings.period)
+            number += 1 + behind
+            skipped += behind
+            if behind and skipped > _MOST_SKIPPED:  # slower than real time: let others run
+                with suppress(OSError, AttributeError):
+                    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        robot.move(now)
         while sent and sent[0][0] <= now:
-            connection.send(sent.popleft()[1])
-
-
-def _advance(
-    plant: Plant, state: PlantState, command: CommandValue, since: float, until: float
-) -> tuple[PlantState, float]:
-    """Simulate the plant from ``since`` to ``until`` (s), if it is later."""
-    if until - since < 1e-6:
-        return state, since
-    return plant.step(command, until - since), until
+            newest = sent.popleft()[1]
+            if is_writable(connection):  # else the driving process is stopped
+                connection.send(newest)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import select
 import socket
 from collections import deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from math import pi
@@ -27,8 +29,9 @@ from omnidrive.deploy.links.wheel_protocol import (
     sequence_difference,
     stamp_difference,
 )
+from omnidrive.deploy.links.writable import is_writable
 from omnidrive.deploy.robot_link import LinkCapabilities, LinkLost
-from omnidrive.errors import InvalidInput, MissingExtra
+from omnidrive.errors import InvalidInput, MissingExtra, one_line
 from omnidrive.estimation import SensorReadings
 from omnidrive.geometry import BodyTwist
 from omnidrive.robot import Robot
@@ -36,7 +39,13 @@ from omnidrive.robot import Robot
 _HELLO_TIME = 3.0  # s for the answer of the board
 _HELLO_PERIOD = 0.2  # s between requests
 _OFFSET_REPORTS = 200  # reports from which the offset of the board's clock is estimated
+_RESTART_REPORTS = 50  # reports in a row that are older than the last one
 _BAUD = 115_200
+_UNPLUGGED = {
+    errno.EAGAIN, errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETDOWN, errno.ENETUNREACH,
+    errno.ENOBUFS,
+}  # fmt: skip
+"""Errors of a socket that pass when the network or the board is back."""
 
 
 @runtime_checkable
@@ -96,6 +105,8 @@ class WheelsLink:
     _last: Report | None = field(default=None, init=False)
     _turned: list[int] = field(default_factory=list, init=False)
     """Counts of each wheel since the first report."""
+    _older: int = field(default=0, init=False)
+    """Number of reports in a row that are not newer than the last one."""
     _board_time: float = field(default=0.0, init=False)
     """Time of the last report since the first by the board's clock, s."""
     _offsets: deque[float] = field(
@@ -214,7 +225,11 @@ class WheelsLink:
         return found
 
     def _take(self, report: Report) -> bool:
-        """Add a report; return whether it is newer than the last one."""
+        """Add a report; return whether it is newer than the last one.
+
+        Raises:
+            LinkLost: The reports begin anew, so that the wheels' positions are not known.
+        """
         assert self._hello is not None
         if len(report.counts) != self._hello.wheels:
             self.damaged += 1
@@ -224,10 +239,18 @@ class WheelsLink:
             self._turned = [0] * len(report.counts)
         else:
             ahead = sequence_difference(report.sequence, last.sequence)
-            if ahead <= 0:  # repeated or overtaken
+            later = stamp_difference(report.stamp, last.stamp)
+            if ahead <= 0 or later <= 0.0:  # repeated or overtaken
+                self._older += 1
+                if self._older >= _RESTART_REPORTS:
+                    raise LinkLost(
+                        "the reports of the motor board begin anew: it restarted, or another one "
+                        "answers"
+                    )
                 return False
+            self._older = 0
             self.lost += ahead - 1
-            self._board_time += stamp_difference(report.stamp, last.stamp)
+            self._board_time += later
             for i, (now, before) in enumerate(zip(report.counts, last.counts, strict=True)):
                 self._turned[i] += count_difference(now, before)
         self._last = report
@@ -273,18 +296,28 @@ class _UdpPort:
         for _ in range(1000):
             if not select.select([self._socket], [], [], 0.0)[0]:
                 break
-            with suppress(ConnectionRefusedError):  # the board is not there yet
+            with _passing():
                 parts.append(self._socket.recv(4096))
         return b"".join(parts)
 
     def send(self, data: bytes) -> None:
-        """Send one datagram; it is lost if no socket is open there."""
-        with suppress(ConnectionRefusedError, BlockingIOError):
+        """Send one datagram; it is lost if no socket is open there or the network is down."""
+        with _passing():
             self._socket.send(data)
 
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
+
+
+@contextmanager
+def _passing() -> Iterator[None]:
+    """Ignore errors of a socket that mean a lost datagram."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _UNPLUGGED:
+            raise
 
 
 def _serial_port(name: str, baud: int) -> _Port:
@@ -297,7 +330,9 @@ def _serial_port(name: str, baud: int) -> _Port:
     try:
         opened = serial.Serial(name, baud, timeout=0, write_timeout=0, exclusive=True)
     except (OSError, ValueError) as error:
-        raise LinkLost(f"{name}: {error}") from None
+        number = getattr(error, "errno", None)
+        reason = os.strerror(number) if number else one_line(str(error))
+        raise LinkLost(f"the serial port {name} cannot be opened: {reason}") from None
     return _SerialPort(opened)
 
 
@@ -313,8 +348,9 @@ class _SerialPort:
         return data
 
     def send(self, data: bytes) -> None:
-        """Send bytes."""
-        self._serial.write(data)
+        """Send bytes; they are lost while the board takes none, because ``write`` would wait."""
+        if is_writable(self._serial):
+            self._serial.write(data)
 
     def close(self) -> None:
         """Close the port."""

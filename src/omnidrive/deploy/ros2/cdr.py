@@ -15,13 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from omnidrive.deploy.ros2.interface import (
-    LATEST,
-    PRIMITIVES,
-    Distribution,
-    Field,
-    interface,
-)
+from omnidrive.deploy.ros2.interface import LATEST, PRIMITIVES, Distribution, Field, interface
 from omnidrive.deploy.ros2.message import Message, dtype_of, message_type
 from omnidrive.deploy.ros2.type_hash import NO_FIELDS
 from omnidrive.errors import InvalidMessage, one_line, short_repr

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
 from ipaddress import ip_address
+from socket import AF_INET, getaddrinfo
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 from omnidrive.deploy.ros2.interface import LATEST, PRIMITIVES, Distribution, Field, interface
 from omnidrive.deploy.ros2.names import dds_type_name
 from omnidrive.deploy.ros2.type_hash import NO_FIELDS, type_hash
-from omnidrive.errors import InvalidInput, MissingExtra, short_repr
+from omnidrive.errors import InvalidInput, MissingExtra, one_line, short_repr
 
 MAX_DOMAIN = 232
 """Greatest number of a domain whose ports exist."""
@@ -194,7 +195,7 @@ def join_domain(domain: int, peers: Sequence[str]) -> None:
 
     Args:
         domain: Number of the domain.
-        peers: Addresses or names of hosts; instead of those that CYCLONEDDS_URI configures.
+        peers: IPv4 addresses or names of hosts; instead of those that CYCLONEDDS_URI configures.
 
     Raises:
         InvalidInput: The domain is in use with other peers, or an address is not usable.
@@ -207,6 +208,8 @@ def join_domain(domain: int, peers: Sequence[str]) -> None:
             )
         return
     held = None
+    for peer in wanted:
+        _check_host(peer)
     if wanted:
         errors = cyclonedds("core").DDSException
         try:
@@ -232,6 +235,18 @@ def _configuration(peers: tuple[str, ...]) -> str:
         "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
         f"<Peers>{listed}</Peers></Discovery></Domain></CycloneDDS>"
     )
+
+
+def _check_host(peer: str) -> None:
+    """Raise InvalidInput if a host is unknown: Cyclone DDS aborts the process then."""
+    try:
+        getaddrinfo(peer, None, AF_INET)
+    except (OSError, UnicodeError) as error:
+        reason = one_line(str(getattr(error, "strerror", None) or error)).lower()
+        raise InvalidInput(
+            f"the peer {short_repr(peer, 80)} is an unknown host ({reason}): give a name or an "
+            "IPv4 address, without a port"
+        ) from None
 
 
 def _is_loopback(peer: str) -> bool:

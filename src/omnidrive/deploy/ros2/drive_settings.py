@@ -15,10 +15,12 @@ from omnidrive.control.components import ControllerContext
 from omnidrive.control.controller import check_controller
 from omnidrive.deploy.links.ros2 import Ros2LinkSettings
 from omnidrive.deploy.ros2.drive_reports import DriveReports, ReportedPipeline
-from omnidrive.deploy.ros2.pose_source import Frames
+from omnidrive.deploy.ros2.transform_tree import Frames
 from omnidrive.errors import InvalidInput, one_line, short_repr, suggestion
+from omnidrive.files.number_text import parse_number
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
+from omnidrive.geometry import Pose, check_heading
 from omnidrive.parameter import Bounds, check_bounds, check_number
 from omnidrive.robot import Robot, named_robot
 
@@ -60,6 +62,11 @@ class DriveSettings:
     """Topic of goals, which need a map."""
     map: str = "/map"
     """Topic of the map."""
+    scan: str = "/scan"
+    """Topic of laser scans, which localise the robot on the map without another localisation."""
+    initial_pose: str | None = None
+    """Pose of the robot from which scans localise it, ``X,Y[,HEADING]`` in m and rad; in a file
+    also ``[X, Y, HEADING]``. None: that of ``/initialpose``."""
     stop: str = "/e_stop"
     """Topic on which true ends the drive."""
     use_sim_time: bool = False
@@ -89,6 +96,7 @@ class DriveSettings:
                 checked[name] = _checked(f"{where}{name}", value, hints[name])
         changed = replace(self, **checked)
         try:
+            _pose(changed.initial_pose)
             check_bounds(changed)
             if changed.speed is not None:
                 check_number("speed", changed.speed, _SPEEDS)
@@ -104,6 +112,9 @@ class DriveSettings:
             cmd_vel=self.cmd_vel,
             command_type=self.command_type,
             odom=self.odom,
+            map=self.map,
+            scan=self.scan,
+            initial_pose=_pose(self.initial_pose),
             use_sim_time=self.use_sim_time,
             timeout=self.timeout,
         )
@@ -112,15 +123,23 @@ class DriveSettings:
         """Return the robot."""
         return named_robot(self.robot)
 
-    def make_pipeline(self, robot: Robot, reports: DriveReports | None = None) -> Pipeline:
+    def make_pipeline(
+        self, robot: Robot, reports: DriveReports | None = None, *, allow_code: bool = True
+    ) -> Pipeline:
         """Return the pipeline of a drive: the controller, with the latest pose as estimate.
+
+        Args:
+            robot: The robot.
+            reports: What is published of every sample; None: nothing.
+            allow_code: Whether code may be imported that is not installed.
 
         Raises:
             InvalidInput: The controller does not exist, or a parameter is not valid.
         """
         given = parse_specification(self.controller)
         context = ControllerContext(robot, 1.0 / self.rate, np.random.default_rng(0))
-        controller: Controller = configure("controllers", given.type, given.values).make(context)
+        chosen = configure("controllers", given.type, given.values, allow_code=allow_code)
+        controller: Controller = chosen.make(context)
         check_controller(controller, 1.0 / self.rate)
         return ReportedPipeline(controller, reports=reports)
 
@@ -156,7 +175,26 @@ def read_parameters(path: StrPath, node: str = NODE_NAME) -> dict[str, Any]:
     controller = found.get("controller")
     if isinstance(controller, dict):
         found["controller"] = _specification(controller, name)
+    place = found.get("initial_pose")
+    if isinstance(place, list) and len(place) in {2, 3}:
+        found["initial_pose"] = ",".join(map(str, place))
     return found
+
+
+def _pose(text: str | None) -> Pose | None:
+    """Return the pose of ``X,Y[,HEADING]``; None of None.
+
+    Raises:
+        InvalidInput: The text has another form.
+    """
+    if text is None:
+        return None
+    numbers = [parse_number(each.strip()) for each in text.split(",")]
+    x, y, yaw = (*numbers, 0.0)[:3] if len(numbers) in {2, 3} else (None, None, None)
+    if x is None or y is None or yaw is None:
+        raise InvalidInput(f"initial_pose is X,Y or X,Y,HEADING in m and rad, got {text!r}")
+    check_heading("initial_pose", yaw)
+    return Pose(x, y, yaw)
 
 
 def _specification(data: Mapping[str, Any], name: str) -> str:

@@ -19,8 +19,11 @@ from omnidrive.deploy.clock import Clock
 from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.drive import DriveResult, drive
 from omnidrive.deploy.links.ros2 import Ros2Link
+from omnidrive.deploy.log.drive_log import LogFolder
+from omnidrive.deploy.realtime import schedule_below_loop
 from omnidrive.deploy.robot_link import LinkLost
 from omnidrive.deploy.ros2.dds import LATCHED_QOS
+from omnidrive.deploy.ros2.drive_files import reference_file
 from omnidrive.deploy.ros2.node import Node, Subscription
 from omnidrive.deploy.ros2.path_reference import is_same_ahead, path_poses, path_reference
 from omnidrive.deploy.ros2.planar_messages import grid_of, pose_of
@@ -76,6 +79,7 @@ class PathFollower:
         requests: Requests of other nodes.
         speed: Limit of the speed, m/s; None: that of the robot.
         margin: Distance from obstacles of a map, m, in addition to the robot's radius.
+        logs: Folder of the logs. None: none are written.
     """
 
     link: Ros2Link
@@ -84,6 +88,7 @@ class PathFollower:
     requests: DriveRequests
     speed: float | None = None
     margin: float = 0.1
+    logs: LogFolder | None = None
 
     @property
     def clock(self) -> Clock | None:
@@ -138,6 +143,7 @@ class PathFollower:
             self.requests.pass_on(controls)
             watch(controls)
 
+        files = reference_file(reference, 1.0 / self.rate)
         with _repeating(check, controls):
             return drive(
                 self.link,
@@ -146,6 +152,7 @@ class PathFollower:
                 rate=self.rate,
                 controls=controls,
                 clock=self.clock,
+                log=None if self.logs is None else self.logs.next(files),
             )
 
     def reference_along(self, poses: Float[Array, "poses 3"]) -> Reference:
@@ -167,6 +174,7 @@ class PathFollower:
             inflation=robot.body_radius + self.margin,
             options=PathOptions(),
             inflation_note=f"body radius {robot.body_radius:g} m and margin {self.margin:g} m",
+            least_inflation=robot.body_radius,
         )
         return time_within_limits(found.spline, robot.chassis, MotionLimits.of_robot(robot))
 
@@ -287,6 +295,7 @@ def _repeating(action: Callable[[], None], controls: DriveControls) -> Iterator[
 
     def repeat() -> None:
         """Call the action until the context ends."""
+        schedule_below_loop()
         while not ended.wait(_POLL):
             try:
                 action()

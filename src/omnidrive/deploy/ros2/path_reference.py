@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.deploy.ros2.planar_messages import compose, pose_of
-from omnidrive.deploy.ros2.pose_source import TransformTree
+from omnidrive.deploy.ros2.transform_tree import TransformTree
 from omnidrive.errors import InvalidReference, one_line
 from omnidrive.geometry import Pose, wrap
 from omnidrive.reference import MotionLimits, Reference, time_within_limits

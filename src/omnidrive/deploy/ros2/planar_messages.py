@@ -25,6 +25,13 @@ def yaw_of(orientation: Any) -> float:
     return atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
+def is_level(orientation: Any) -> bool:
+    """Return whether a quaternion leaves the z axis where it is, to 10 degrees."""
+    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
+    squares = x * x + y * y + z * z + w * w
+    return bool(squares - 2.0 * (x * x + y * y) >= 0.985 * squares)
+
+
 def pose_of(message: Any) -> Pose:
     """Return a ``geometry_msgs/msg/Pose`` as planar pose; m, m, rad."""
     return Pose(message.position.x, message.position.y, yaw_of(message.orientation))

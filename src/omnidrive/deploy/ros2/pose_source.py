@@ -8,12 +8,20 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import hypot, inf, isfinite, nan, sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 from omnidrive.deploy.ros2.dds import LATCHED_QOS, SENSOR_QOS
 from omnidrive.deploy.ros2.node import Node, Subscription
-from omnidrive.deploy.ros2.planar_messages import compose, inverse, pose_of, transform_of
+from omnidrive.deploy.ros2.planar_messages import (
+    compose,
+    inverse,
+    is_level,
+    pose_of,
+    transform_of,
+)
 from omnidrive.deploy.ros2.ros_time import seconds
+from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation
+from omnidrive.deploy.ros2.transform_tree import MOST_FRAMES, Frames, Transform, TransformTree
 from omnidrive.errors import one_line
 from omnidrive.estimation import PoseFix
 from omnidrive.geometry import Pose, wrap
@@ -27,70 +35,11 @@ MAX_AHEAD = 0.1
 JUMP_PAUSE = 1.0
 """Time without poses after odometry jumped, s: longer than the age at which a drive is held."""
 _JUMP_SHARE, _JUMP_DISTANCE, _JUMP_ANGLE = 1.5, 0.1, 0.2  # of the top speeds; m; rad
-_MOST_FRAMES = 1000
 _LARGEST = 1e6  # m
 _HISTORY = 1000  # odometry poses, to compare with a localisation that comes later
-_TF_PRECEDENCE = 2.0  # s
-
-
-class Frames(NamedTuple):
-    """Names of the frames of a robot (REP 105)."""
-
-    world: str = "map"
-    """Frame W, in which references and plans are given."""
-    odom: str = "odom"
-    """Frame of odometry, in which the pose is continuous."""
-    base: str = "base_link"
-    """Frame B of the robot."""
-
-
-class Transform(NamedTuple):
-    """Pose of a frame in its parent."""
-
-    parent: str
-    pose: Pose
-    stamp: float
-    """Time in ROS, s; infinite: constant."""
-
-
-class TransformTree:
-    """Transforms by the name of the child, bounded in number."""
-
-    def __init__(self) -> None:
-        self._parents: dict[str, Transform] = {}
-
-    def set(self, child: str, transform: Transform) -> None:
-        """Set the parent of a frame, unless there are too many frames."""
-        if child in self._parents or len(self._parents) < _MOST_FRAMES:
-            self._parents[child] = transform
-
-    def get(self, child: str) -> Transform | None:
-        """Return the transform of a frame to its parent; None: it is not known."""
-        return self._parents.get(child)
-
-    def pose(self, frame: str, within: str) -> Pose | None:
-        """Return the pose of a frame in one of its ancestors; None: it is not below it."""
-        pose = Pose(0.0, 0.0, 0.0)
-        for _ in range(_MOST_FRAMES):
-            if frame == within:
-                return pose
-            found = self._parents.get(frame)
-            if found is None:
-                return None
-            pose, frame = compose(found.pose, pose), found.parent
-        return None
-
-    def names(self) -> list[str]:
-        """Return the names of all frames, in one line each, sorted."""
-        parents = {each.parent for each in self._parents.values()}
-        return sorted(one_line(each, 60) for each in parents | self._parents.keys())
-
-    def chain(self, frame: str) -> list[str]:
-        """Return the names from a frame up to its last known ancestor."""
-        names = [frame]
-        while (found := self._parents.get(names[-1])) is not None and found.parent not in names:
-            names.append(found.parent)
-        return names
+MAX_WORLD_AGE = 2.0
+"""Age of the transform between world and odometry from which poses are refused, s: localisations
+publish it again and again."""
 
 
 @dataclass
@@ -99,11 +48,11 @@ class PoseSource:
 
     The pose is the chain of transforms from the world frame to that of the robot. ``/odom`` is
     the transform of its frame to its child; ``/amcl_pose`` gives that from the world to the
-    odometry frame if ``/tf`` does not.
+    odometry frame if ``/tf`` does not, and scans if neither does.
 
     Poses are refused, with a warning, if they are not finite, too old, from the future, earlier
-    than the last one, or in frames that are not connected, and for :data:`JUMP_PAUSE` after
-    odometry jumped farther than the robot can drive.
+    than the last one, or in frames that are not connected, if the localisation is silent, and for
+    :data:`JUMP_PAUSE` after odometry jumped farther than the robot can drive.
 
     Attributes:
         node: The node.
@@ -112,6 +61,7 @@ class PoseSource:
         now: Function that returns the time of ROS, s; None: not known yet.
         odometry_topic: Topic of odometry.
         localisation_topic: Topic of a localisation.
+        scans: Localisation by scans; None: none.
         refused: Number of refused poses by reason.
     """
 
@@ -121,6 +71,7 @@ class PoseSource:
     now: Callable[[], float | None]
     odometry_topic: str = "/odom"
     localisation_topic: str = "/amcl_pose"
+    scans: ScanLocalisation | None = None
     refused: dict[str, int] = field(default_factory=dict)
     tree: TransformTree = field(default_factory=TransformTree)
     _last: float = -inf
@@ -132,6 +83,10 @@ class PoseSource:
     """Monotonic time at which ``/tf`` last gave the world frame, s."""
     _sigmas: tuple[float, float] = (nan, nan)
     _warned: str = ""
+    _reason: str = ""
+    """Why the last poses were refused; empty: they were not."""
+    _localised: bool = False
+    """Whether the localisation's topic gave the pose of the odometry frame."""
     _heard: bool = False
     _stamps: dict[str, float] = field(default_factory=dict)
     """Last stamp on each topic, s."""
@@ -158,6 +113,7 @@ class PoseSource:
             for received in subscription.take(1000):
                 self._heard = True
                 take(received.message)
+        self._correct_by_scans()
         moving = self._newest_stamp()
         if moving is None and self._heard and not self._warned:
             known = ", ".join(self.tree.names()[:10])
@@ -167,16 +123,17 @@ class PoseSource:
         pose = self.tree.pose(self.frames.base, self.frames.world)
         if pose is None:
             chain = " in ".join(self.tree.chain(self.frames.base))
-            self._refuse(f"frame {self.frames.world} is not connected: known is {chain}")
+            reason = f"frame {self.frames.world} is not connected: known is {chain}"
+            self._refuse(f"{reason}{self._scan_fault}")
             return None
-        if not self._is_recent(moving):
+        if not self._is_recent(moving) or self._is_localisation_lost():
             return None
         self._last = moving
         if time.monotonic() < self._paused_until:
             return None
         if self._warned:
             _log.warning("poses of the robot are usable again")
-            self._warned = ""
+            self._warned = self._reason = ""
         return PoseFix(moving, pose, *self._sigmas)
 
     def _newest_stamp(self) -> float | None:
@@ -200,20 +157,74 @@ class PoseSource:
             return True
         return False
 
+    @property
+    def fault(self) -> str:
+        """Why no poses arrive, in one line; empty: not known."""
+        if self._reason:
+            return self._reason
+        wanted = {self.odometry_topic: "nav_msgs/msg/Odometry", "/tf": "tf2_msgs/msg/TFMessage"}
+        seen = self.node.graph().topics()
+        for topic, kind in wanted.items():
+            others = seen.get(topic, set()) - {kind}
+            if others:
+                return f"{topic} is {', '.join(sorted(others))}, need {kind}"
+        return ""
+
+    def _is_localisation_lost(self) -> bool:
+        """Refuse poses whose correction is not renewed, or whose localisation has left."""
+        odom, now = self.frames.odom, self.now()
+        found = self.tree.get(odom)
+        if odom == self.frames.world or found is None or now is None:
+            return False
+        if odom not in self.tree.chain(self.frames.base):
+            return False
+        age = now - found.stamp
+        if age > MAX_WORLD_AGE:
+            self._refuse(f"{odom} in {found.parent} is {age:.3g} s old{self._scan_fault}")
+        elif self._localised and not self._is_published():
+            self._refuse(f"nothing publishes {self.localisation_topic} any more")
+        else:
+            return False
+        return True
+
+    @property
+    def _scan_fault(self) -> str:
+        return f"; {self.scans.fault}" if self.scans and self.scans.fault else ""
+
+    def _is_published(self) -> bool:
+        """Return whether the localisation is in the graph."""
+        return any(each.matched > 0 for each, _ in self._subscriptions[-2:])
+
+    def _correct_by_scans(self) -> None:
+        """Correct the odometry frame by a scan, if there is no other localisation."""
+        if self.scans is None or self.frames.odom == self.frames.world:
+            return
+        by_tf = time.monotonic() - self._world_by_tf <= MAX_WORLD_AGE
+        if by_tf or (self._localised and self._is_published()):
+            self.scans.forget()
+            return
+        correction = self.scans.correct(self._odometry, self.tree)
+        if correction is not None:
+            self._localised, self._sigmas = False, correction.sigmas
+            self._set(self.frames.odom, self.frames.world, correction.pose, correction.stamp)
+
     def _take_static(self, message: Any) -> None:
-        for each in message.transforms[:_MOST_FRAMES]:
-            self._set(each.child_frame_id, each.header.frame_id, transform_of(each.transform), inf)
+        for each in message.transforms[:MOST_FRAMES]:
+            child, pose = each.child_frame_id, transform_of(each.transform)
+            level = is_level(each.transform.rotation)
+            self._set(child, each.header.frame_id, pose, inf, level=level)
 
     def _take_transforms(self, message: Any) -> None:
-        for each in message.transforms[:_MOST_FRAMES]:
+        for each in message.transforms[:MOST_FRAMES]:
             child, parent = _name(each.child_frame_id), _name(each.header.frame_id)
             stamp, pose = seconds(each.header.stamp), transform_of(each.transform)
             if child == self.frames.odom and parent == self.frames.world:
                 self._world_by_tf, self._sigmas = time.monotonic(), (nan, nan)
+                self._localised = False
             if child == self.frames.base:
                 self._move("/tf", parent, pose, stamp)
             else:
-                self._set(child, parent, pose, stamp)
+                self._set(child, parent, pose, stamp, level=is_level(each.transform.rotation))
 
     def _take_odometry(self, message: Any) -> None:
         child, parent = _name(message.child_frame_id), _name(message.header.frame_id)
@@ -232,10 +243,11 @@ class PoseSource:
             self._refuse(f"{self.localisation_topic} is in {one_line(parent, 60)}")
         elif not _is_usable(pose):
             self._refuse(f"{self.localisation_topic} is not finite")
-        elif self._odometry and time.monotonic() - self._world_by_tf > _TF_PRECEDENCE:
+        elif self._odometry and time.monotonic() - self._world_by_tf > MAX_WORLD_AGE:
             stamp = seconds(message.header.stamp)
             then = min(self._odometry, key=lambda each: abs(each[0] - stamp))
             self._set(self.frames.odom, parent, compose(pose, inverse(then[1])), inf)
+            self._localised = True
             self._sigmas = (
                 (sqrt(position), sqrt(yaw))
                 if 0.0 < position < 1e6 and 0.0 < yaw < 1e6
@@ -266,18 +278,21 @@ class PoseSource:
             self._odometry.append((stamp, pose))
         self._set(self.frames.base, parent, pose, stamp)
 
-    def _set(self, child: str, parent: str, pose: Pose, stamp: float) -> None:
+    def _set(
+        self, child: str, parent: str, pose: Pose, stamp: float, *, level: bool = True
+    ) -> None:
         child, parent = _name(child), _name(parent)
         if _is_usable(pose) and child and parent and child != parent:
-            self.tree.set(child, Transform(parent, pose, stamp))
+            self.tree.set(child, Transform(parent, pose, stamp, level))
         else:
             self._refuse(f"the transform of {one_line(child, 60)} is not usable")
 
     def _refuse(self, reason: str) -> None:
         """Count and report a refused pose; a reason is reported once, until poses are usable."""
         kind = "".join(each for each in reason if not each.isdigit())
-        if len(self.refused) < _MOST_FRAMES:
+        if len(self.refused) < MOST_FRAMES:
             self.refused[reason] = self.refused.get(reason, 0) + 1
+        self._reason = reason
         if kind != self._warned:
             _log.warning("poses of the robot are refused: %s", reason)
             self._warned = kind

@@ -57,6 +57,8 @@ class Ros2RobotSettings:
     """Age of a command from which the robot stops, as ``cmd_vel_timeout`` of ros2_controllers."""
     command_type: CommandType = "TwistStamped"
     """Type of ``/cmd_vel``: TwistStamped, as of ros2_controllers from Jazzy on, or Twist."""
+    localised: bool = True
+    """Whether ``/tf`` has the exact transform from ``map`` to ``odom``, as of a localisation."""
     clock: bool = False
     """Whether ``/clock`` is published and stamps are simulated times."""
     scan: LidarSettings = field(default_factory=LidarSettings)
@@ -225,11 +227,10 @@ class Ros2Robot:
         set_twist(odometry.twist.twist, self._twist)
         odometry.twist.covariance = planar_covariance(_TWIST_SIGMAS)
         made["odom"].publish(odometry)
-        offset = compose(self._state.pose, inverse(self._odometry))
-        transforms = [
-            self._transform(now, "odom", "base_link", self._odometry),
-            self._transform(now, "map", "odom", offset),
-        ]
+        transforms = [self._transform(now, "odom", "base_link", self._odometry)]
+        if self.settings.localised:
+            offset = compose(self._state.pose, inverse(self._odometry))
+            transforms.append(self._transform(now, "map", "odom", offset))
         made["/tf"].publish(made["/tf"].message(transforms=transforms))
         joints = made["joint_states"].message()
         joints.header.stamp = now

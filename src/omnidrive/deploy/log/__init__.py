@@ -1,0 +1,5 @@
+"""Logs of drives: MCAP files with messages of ROS, written in real time and read again."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,0 +1,134 @@
+"""A LeKiwi host in a thread: the loop, messages and arithmetic of LeRobot's, in plain pyzmq.
+
+Its wheels turn exactly as commanded, in whole encoder steps per second.
+"""
+
+import json
+import threading
+import time
+from contextlib import suppress
+from math import cos, pi, radians, sin
+
+import zmq
+
+STEPS = 4096.0 / 360.0  # per degree
+WHEELS = [radians(a - 90.0) for a in (240.0, 0.0, 120.0)]  # left, back, right
+WHEEL_RADIUS, BASE_RADIUS, MAX_RAW = 0.05, 0.125, 3000
+ARM = {
+    "arm_shoulder_pan.pos": -3.25, "arm_shoulder_lift.pos": -98.5, "arm_elbow_flex.pos": 97.0,
+    "arm_wrist_flex.pos": 71.125, "arm_wrist_roll.pos": 0.5, "arm_gripper.pos": 12.0,
+}  # fmt: skip
+JPEG = b"\xff\xd8" + 60_000 * b"\x5a" + b"\xff\xd9"
+
+
+def wheel_steps(x, y, theta):
+    """Return steps per second of the wheels for m/s, m/s, deg/s, scaled down together."""
+    speeds = [(x * cos(a) + y * sin(a) + BASE_RADIUS * radians(theta)) / WHEEL_RADIUS
+              for a in WHEELS]  # fmt: skip
+    steps = [speed * 180.0 / pi * STEPS for speed in speeds]
+    largest = max(map(abs, steps))
+    share = MAX_RAW / largest if largest > MAX_RAW else 1.0
+    return [round(share * each) for each in steps]
+
+
+def body_velocity(steps):
+    """Return m/s, m/s, deg/s for steps per second of the wheels (three at 120 degrees)."""
+    rim = [each / STEPS * pi / 180.0 * WHEEL_RADIUS for each in steps]
+    x = 2.0 / 3.0 * sum(v * cos(a) for v, a in zip(rim, WHEELS, strict=True))
+    y = 2.0 / 3.0 * sum(v * sin(a) for v, a in zip(rim, WHEELS, strict=True))
+    return x, y, sum(rim) / 3.0 / BASE_RADIUS * 180.0 / pi
+
+
+class LeKiwiHost:
+    """Context manager: a host on two free ports.
+
+    Attributes:
+        parts: Whether images are parts of their own, as since 2026, or base64 in the JSON object.
+        change: Function that returns the parts to send instead of those of an observation.
+        actions: Commands that were executed, with their time.
+        stops: Times at which the watchdog stopped the base.
+        pose: x, y, heading; m, m, rad.
+    """
+
+    def __init__(self, *, parts=True, rate=30.0, watchdog=0.5, ports=(0, 0)):
+        self.parts, self.rate, self.watchdog, self.ports = parts, rate, watchdog, ports
+        self.change = lambda sent: sent
+        self.actions, self.stops, self.failures = [], [], []
+        self.pose = (0.0, 0.0, 0.0)
+        self.arm = dict(ARM)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self):
+        self.context = zmq.Context()
+        self.commands = self.context.socket(zmq.PULL)
+        self.commands.setsockopt(zmq.CONFLATE, 1)
+        self.observations = self.context.socket(zmq.PUSH)
+        self.observations.setsockopt(*((zmq.SNDHWM, 2) if self.parts else (zmq.CONFLATE, 1)))
+        for socket in (self.commands, self.observations):
+            socket.setsockopt(zmq.LINGER, 0)
+        self.command_port, self.observation_port = (
+            socket.bind_to_random_port("tcp://127.0.0.1")
+            if port == 0
+            else (socket.bind(f"tcp://127.0.0.1:{port}"), port)[1]
+            for socket, port in zip((self.commands, self.observations), self.ports, strict=True)
+        )
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._ended.set()
+        self._thread.join()
+        self.commands.close()
+        self.observations.close()
+        self.context.term()
+
+    def _run(self):
+        heard = last = time.monotonic()
+        stopped, steps = False, [0, 0, 0]
+        while not self._ended.wait(1.0 / self.rate):
+            now = time.monotonic()
+            self._move(body_velocity(steps), now - last)
+            last = now
+            try:
+                data = dict(json.loads(self.commands.recv_string(zmq.NOBLOCK)))
+                steps = self._execute(data)
+                heard, stopped = now, False
+            except zmq.Again:
+                pass
+            except Exception as error:  # LeRobot's host logs any and goes on
+                self.failures.append(error)
+            if now - heard > self.watchdog and not stopped:
+                stopped, steps = True, [0, 0, 0]
+                self.stops.append(now)
+            self._send(body_velocity(steps))
+
+    def _execute(self, data):
+        arm = {key: value for key, value in data.items() if key.endswith(".pos")}
+        base = {key: value for key, value in data.items() if key.endswith(".vel")}
+        steps = wheel_steps(base["x.vel"], base["y.vel"], base["theta.vel"])
+        next(iter(arm))  # sync_write of no motors raises StopIteration
+        self.arm.update(arm)
+        self.actions.append((time.monotonic(), data))
+        return steps
+
+    def _move(self, velocity, dt):
+        x, y, yaw = self.pose
+        vx, vy, turn = velocity[0], velocity[1], radians(velocity[2])
+        middle = yaw + 0.5 * turn * dt
+        self.pose = (
+            x + dt * (vx * cos(middle) - vy * sin(middle)),
+            y + dt * (vx * sin(middle) + vy * cos(middle)),
+            yaw + turn * dt,
+        )
+
+    def _send(self, velocity):
+        state = {**self.arm, **dict(zip(("x.vel", "y.vel", "theta.vel"), velocity, strict=True))}
+        if self.parts:
+            sent = [json.dumps({"_cams": ["front", "wrist"], **state}).encode(), JPEG, JPEG]
+        else:
+            sent = [json.dumps({**state, "front": 80_000 * "A", "wrist": ""}).encode()]
+        sent = self.change(sent)
+        if sent:
+            with suppress(zmq.Again):
+                self.observations.send_multipart(sent, zmq.NOBLOCK)

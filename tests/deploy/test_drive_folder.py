@@ -1,0 +1,115 @@
+"""Run folder, report and notebook representation of a drive; one drive for all tests."""
+
+import json
+
+import numpy as np
+import pytest
+
+from omnidrive import FeedforwardController, KinematicPlant, PerfectSensors, study
+from omnidrive.cli.components import one_run
+from omnidrive.cli.scenario_options import ScenarioOptions
+from omnidrive.control import Pipeline
+from omnidrive.deploy import drive_folder
+from omnidrive.deploy.clock import SimulatedClock
+from omnidrive.deploy.controls import DriveControls
+from omnidrive.deploy.drive import drive
+from omnidrive.deploy.drive_folder import save_drive
+from omnidrive.deploy.links.simulated import SimulatedLink, SimulatedRobot
+from omnidrive.deploy.scenario_files import attached_inputs
+
+RATE = 10.0
+
+
+@pytest.fixture(scope="module")
+def planned():
+    chosen = ScenarioOptions(reference="circle,radius=0.5", robot="small", plant="kinematic")
+    resolved = chosen.resolve().model_copy(update={"sample_time": 1.0 / RATE})
+    scenario = one_run(resolved, "feedforward", "track", None)
+    return study.plan_and_check(scenario)
+
+
+def driven(planned, controls=None):
+    robot = planned.robot
+    reference = planned.reference(study.planned_duration(planned))
+    simulated = SimulatedRobot(robot, KinematicPlant(robot), PerfectSensors())
+    link = SimulatedLink(simulated, reference.at(0.0).pose)
+    pipeline = Pipeline(FeedforwardController(1.0 / RATE))
+    return drive(
+        link,
+        pipeline,
+        reference,
+        rate=RATE,
+        start=link.start,
+        controls=controls,
+        clock=SimulatedClock(),
+    )
+
+
+@pytest.fixture(scope="module")
+def result(planned):
+    return driven(planned)
+
+
+@pytest.fixture(scope="module")
+def folder(planned, result, tmp_path_factory):
+    made = study.RunFolder(tmp_path_factory.mktemp("drive") / "folder")
+    made.save_inputs(planned)
+    drawn = []
+
+    def draw(results, path):
+        drawn.append((results.tracks[0].name, path))
+        path.mkdir()
+        return []
+
+    with pytest.MonkeyPatch.context() as patch:  # the figures of studies take seconds
+        patch.setattr(drive_folder, "write_figures", draw)
+        save_drive(result, planned, "simulated", made)
+    assert drawn == [(f"track-feedforward-{result.run.t[-1]:g}s", made.path / "figures")]
+    return made
+
+
+def test_folder_has_the_files_of_a_simulation(folder):
+    present = {path.name for path in folder.path.iterdir()}
+    assert present >= {"scenario.yaml", "results.json", "report.html", "figures", "series"}
+    for name in ("punctuality.svg", "punctuality.pdf"):
+        assert (folder.path / "figures" / name).stat().st_size > 1000
+    series = list((folder.path / "series").iterdir())
+    assert [each.suffix for each in series] == [".parquet"]
+
+
+def test_results_tell_of_the_drive(folder, result):
+    data = json.loads((folder.path / "results.json").read_text())
+    told = data["drive"]
+    assert told["ending"] == "the reference ends"
+    assert [each["state"] for each in told["changes"]] == ["armed", "running", "stopped"]
+    assert told["timing"]["samples"] == result.timing.summary().samples
+    assert data["runs"][0]["me"] < 0.05
+
+
+def test_report_shows_states_and_punctuality(folder, result):
+    page = (folder.path / "report.html").read_text()
+    assert "drive over the link simulated" in page
+    assert "Punctuality of the loop" in page
+    assert "armed by the user" in page
+    speeds = json.loads(page.split('type="application/json">')[1].split("</script>")[0])
+    middle = speeds["groups"][0]["runs"][0]["speed"][20:-20]
+    steps = np.hypot(*np.diff(result.run.pose[20:-20, :2], axis=0).T)
+    assert np.mean(middle) == pytest.approx(RATE * np.mean(steps), rel=0.02)
+
+
+def test_inputs_are_attached_with_their_folder(folder, planned):
+    made = attached_inputs(folder)
+    assert "scenario/scenario.yaml" in made
+    assert b"feedforward" in made["scenario/scenario.yaml"]
+
+
+def test_notebooks_show_drive_and_run(result, planned):
+    html = result._repr_html_()
+    assert "missed deadlines" in html
+    assert html.count("<svg") == 1
+    controls = DriveControls()
+    controls.stop("never begun")
+    idle = driven(planned, controls)
+    assert not idle.ran
+    assert "never begun" in idle._repr_html_()
+    assert len(result.plot().axes) == 3
