@@ -315,7 +315,7 @@ def test_runs_are_made_when_they_are_needed():
         tracemalloc.stop()
         batch.close()
     assert next(made) < 27 * 10 + 10 * (1 + 2 * 2 * 16 // 10) + 10
-    assert late - early < 50_000
+    assert late - early < 300_000  # of blocks in progress; the logs of 200 runs take 2 MB
     assert peak < 20_000_000
 
 
