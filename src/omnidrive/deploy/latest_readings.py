@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from math import nan
 
 from omnidrive.estimation import PoseFix, SensorReadings
@@ -13,6 +14,9 @@ the deadline; estimators ignore later ones."""
 _INSTANT = 1e-6  # s
 _LATE = 0.001  # s; a fix taken later than this after the deadline waits for the next sample
 _FAR = 5.0  # periods of the readings for which wheel angles are extrapolated
+_BASE = 0.01
+"""Time over which the speeds are measured with which wheel angles are extrapolated, s: at 500 Hz an
+encoder resolves no speed between two readings."""
 
 
 class LatestReadings:
@@ -25,8 +29,9 @@ class LatestReadings:
     def __init__(self) -> None:
         self.arrived = nan
         self._readings = SensorReadings(nan)
-        self._before: tuple[float, tuple[float, ...]] = (nan, ())
-        """Time, s, and wheel angles, rad, of the readings before."""
+        self._before: deque[tuple[float, tuple[float, ...]]] = deque()
+        """Times, s, and wheel angles, rad, of readings before, the first of which is the last that
+        is older by at least ``_BASE``, if there is one."""
         self._read_at = nan
         """Time at which the readings were read, s on the clock."""
         self._later: tuple[PoseFix, ...] = ()
@@ -60,7 +65,10 @@ class LatestReadings:
             readings = self._readings
         else:
             if readings.stamp > self._readings.stamp:
-                self._before = self._readings.stamp, self._readings.wheel_angles
+                self._before.append((self._readings.stamp, self._readings.wheel_angles))
+                latest = readings.stamp + _INSTANT - _BASE
+                while len(self._before) > 1 and self._before[1][0] <= latest:
+                    self._before.popleft()
             self.arrived, self._read_at = now, read_at
         fixes = tuple(fix for fix in fixes if fix not in self._later)
         self._readings = readings._replace(fixes=fixes)
@@ -99,16 +107,20 @@ class LatestReadings:
         return tuple(now - then for now, then in zip(latest, self._given, strict=True))
 
     def _angles_at(self, now: float) -> tuple[float, ...]:
-        """Return the wheel angles at ``now``, with the speeds between the last two readings.
+        """Return the wheel angles at ``now``, with the speeds of the last readings.
 
         The readings are older than the sample by a part of their period, or newer where the sample
         begins late; estimators relate the angles to the time of the sample.
         """
         stamp, angles = self._readings.stamp, self._readings.wheel_angles
-        since, before = self._before
-        late, step = now - stamp, stamp - since
+        late = now - stamp
+        if not self._before or abs(late) <= _INSTANT:
+            return angles
+        period = stamp - self._before[-1][0]
+        since, before = self._before[0 if late > 0.0 else -1]
+        step = stamp - since
         earliest = -step if stamp <= self._read_at else 0.0  # a clock that is ahead tells nothing
-        known = len(before) == len(angles) and step > _INSTANT and abs(late) > _INSTANT
-        if not (known and earliest <= late < _FAR * step):
+        known = len(before) == len(angles) and step > _INSTANT
+        if not (known and earliest <= late < _FAR * period):
             return angles
         return tuple(b + (b - a) * late / step for a, b in zip(before, angles, strict=True))

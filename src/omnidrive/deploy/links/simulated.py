@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import time
@@ -260,6 +261,8 @@ def _simulate(
     plant.step(STOP, settings.period)  # compiles
     state = plant.reset(settings.start)
     supports = plant.capabilities
+    gc.collect()
+    gc.freeze()  # a full collection of what is loaded takes 0.1 s, in which the robot stands still
     connection.send(LinkCapabilities(WATCHDOG, True, supports.wheel_speeds, supports.wheel_torques))
     with suppress(EOFError, OSError, KeyboardInterrupt):
         _serve(connection, plant, sensors, state, settings)
