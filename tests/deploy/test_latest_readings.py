@@ -43,3 +43,18 @@ def test_wheel_angles_are_those_of_the_deadline(stamp, read_at, expected):
     latest.take(readings(5.0), 5.0, 5.0)
     latest.take(readings(stamp), 5.1, read_at)
     assert latest.at(5.1, 0.0).wheel_angles == pytest.approx((expected, 2.0 * expected))
+
+
+def test_speeds_that_encoders_do_not_resolve_move_no_angle():
+    """A wheel at 0.05 rad/s: readings every 2 ms, whose angles are multiples of 1.5 mrad."""
+    latest, step = LatestReadings(), 0.0015
+    errors = []
+    for number in range(200):
+        stamp = 0.002 * number
+        angle = step * int(0.05 * stamp / step)
+        latest.take(SensorReadings(stamp, wheel_angles=(angle,)), stamp + 0.001, stamp + 0.001)
+        (given,) = latest.at(stamp + 0.001, 0.0).wheel_angles
+        errors.append(given - angle)
+    settled = errors[10:]
+    assert 0.0 < max(settled) < 0.2 * step  # by two readings alone: 0.5
+    assert min(settled) == 0.0

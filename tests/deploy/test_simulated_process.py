@@ -1,5 +1,6 @@
 """Drives in real time with a simulated robot in a process of its own; nothing is timed."""
 
+import gc
 import os
 import signal
 import threading
@@ -31,6 +32,29 @@ def make():
 
 def process(**settings):
     return SimulatedProcess(ROBOT, make, START, DT, **settings)
+
+
+class FrozenCount(PerfectSensors):
+    """The angle of each wheel is the number of objects that the garbage collector leaves out."""
+
+    def read(self, t, state):
+        return super().read(t, state)._replace(wheel_angles=(float(gc.get_freeze_count()),) * 4)
+
+
+def make_counting():
+    return SimulatedRobot(ROBOT, KinematicPlant(ROBOT), FrozenCount())
+
+
+def test_collecting_garbage_does_not_interrupt_the_robot():
+    """A full collection of all loaded modules takes 0.1 s."""
+    link = SimulatedProcess(ROBOT, make_counting, START, DT)
+    link.open(MonotonicClock())
+    try:
+        while (readings := link.read()) is None:
+            time.sleep(DT)
+    finally:
+        link.close()
+    assert readings.wheel_angles[0] > 10_000
 
 
 def driven(link, duration):
