@@ -186,6 +186,8 @@ def kill_and_resume(tmp_path, plan, kills, seed):
         with start(folder, plan) as parent:
             while kills > 0 and parent.poll() is None:
                 sleep(source.uniform(0.0, longest))
+                if parent.poll() is not None:
+                    break
                 with suppress(psutil.NoSuchProcess):
                     family = [psutil.Process(parent.pid), *workers(parent.pid)]
                     source.choice(family).kill()
