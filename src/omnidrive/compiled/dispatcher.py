@@ -241,7 +241,8 @@ def _equal_flags(flags: Any, other: Any) -> Any:
     Numba looks up every option by its property, in each search for a compiled function.
     """
     if type(flags) is not type(other):
-        return targetconfig.TargetConfig.__eq__(flags, other)
+        compare: Any = targetconfig.TargetConfig.__eq__  # untyped
+        return compare(flags, other)
     ours, theirs = flags._values, other._values
     return ours == theirs or {**_DEFAULTS, **ours} == {**_DEFAULTS, **theirs}
 
