@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,7 @@ from omnidrive.tuning import (
     tune,
     write_tuning,
 )
-from omnidrive.tuning.run_sets import RunSets, check_apart
+from omnidrive.tuning.run_sets import RunSets, check_apart, validation_set
 from omnidrive.tuning.tune import _shows_gain
 from tests.command import omnidrive
 from tests.tuning.synthetic import record
@@ -206,6 +207,17 @@ def test_sets_share_neither_seeds_nor_references_nor_robots(plant):
             assert max(robots[0]) < min(robots[1])
     with pytest.raises(InvalidInput, match="of the held-out runs are training runs"):
         check_apart(RunSets(training, training))
+
+
+def test_validation_has_robots_beyond_those_that_are_held_out():
+    training, held_out = default_sets(scenario(plant="planar"), "pid")
+    frictions = [
+        [run.factors["plant_robot.friction times"] for run in RunPlan(each)]
+        for each in (validation_set(training), held_out, training)
+    ]
+    assert max(frictions[0]) < min(frictions[1]) <= max(frictions[1]) < min(frictions[2])
+    own = replace(training, random=held_out.random)
+    assert validation_set(own).random == own.random
 
 
 def test_command(tmp_path):
