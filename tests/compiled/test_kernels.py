@@ -110,8 +110,9 @@ def test_every_kernel_of_the_package_has_a_key():
         if "@compiled" in path.read_text() or "@inlined" in path.read_text():
             parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
             importlib.import_module(".".join(parts))
-    assert len(kernels) > 200
-    assert len({kernel_key(kernel) for kernel in kernels}) == len(kernels)
+    own = [each for each in kernels if each.py_func.__module__.startswith("omnidrive.")]
+    assert len(own) > 200  # without those that other tests build, twice with the same code
+    assert len({kernel_key(kernel) for kernel in own}) == len(own)
 
 
 def test_callee_is_compiled_within_its_caller_and_for_python_on_demand(build):

@@ -23,7 +23,7 @@ from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import State
-from omnidrive.estimation.drive_memory import DriveSettings
+from omnidrive.estimation.drive_estimate import DriveSettings
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between, wrap
 from omnidrive.reference import Hold, ShapeReference
 from omnidrive.reference.shapes import Eight
@@ -401,7 +401,7 @@ def mean_error(robot, controller, **changes):
 )
 def test_what_is_identified_is_compensated(changes, most):
     robot = named_robot("small")
-    fixed = mean_error(robot, drive_controller(robot, 0.05, None), **changes)
+    fixed = mean_error(robot, drive_controller(robot, 0.05, False), **changes)
     adaptive = drive_controller(robot, 0.05, DriveSettings())
     assert mean_error(robot, adaptive, **changes) <= most * fixed
     assert adaptive.drive.lag == pytest.approx(changes.get("motor_lag", 0.0), abs=0.01)
@@ -410,8 +410,8 @@ def test_what_is_identified_is_compensated(changes, most):
 
 def test_a_known_drive_is_compensated_without_adaptation():
     robot, changes = named_robot("small"), {"motor_lag": 0.08, "drive_gain": (0.95, 0.95, 0.9)}
-    known = drive_controller(robot, 0.05, None, **changes)
-    unknown = drive_controller(robot, 0.05, None)
+    known = drive_controller(robot, 0.05, False, **changes)
+    unknown = drive_controller(robot, 0.05, False)
     assert mean_error(robot, known, **changes) < 0.2 * mean_error(robot, unknown, **changes)
 
 

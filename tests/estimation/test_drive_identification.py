@@ -8,20 +8,23 @@ import pytest
 
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation.drive_estimate import (
+    DRIVE_UNITS,
+    DriveEstimate,
+    DriveSettings,
+    check_start,
+    drive_estimate,
+    identified_robot,
+    known_drive,
+    settings_around,
+)
 from omnidrive.estimation.drive_identification import CONTINUE, START, DriveSample, identify
 from omnidrive.estimation.drive_memory import (
     _BEGINS,
     _SHAPES,
-    DRIVE_UNITS,
     LAG,
-    DriveEstimate,
     DriveMemory,
-    DriveSettings,
-    check_start,
     command_count,
-    drive_estimate,
-    identified_robot,
-    known_drive,
     memory_size,
 )
 from omnidrive.estimation.drive_response import DriveModel
@@ -178,7 +181,7 @@ def test_gains_and_response_time_are_found(name, change, gains, response):
 
 
 def test_lag_and_delay_are_told_apart_by_hard_starts():
-    robot, commands = named_robot("paper"), jerky_commands(DT)
+    robot, commands = named_robot("small"), jerky_commands(DT)
     lag, _ = final(robot, commands, drive(robot, commands, motor_lag=0.08))
     delay, _ = final(robot, commands, drive(robot, commands, late=1))
     assert lag.lag == pytest.approx(0.08, abs=0.01)
@@ -271,10 +274,10 @@ def test_estimates_stay_within_the_bounds():
 @pytest.mark.parametrize(
     ("settings", "initial", "message"),
     [
-        (DriveSettings(min_gain=1.2), NOTHING, "min_gain is 1.2, need 0.1 to 1"),
-        (DriveSettings(max_gain=0.8), NOTHING, "max_gain is 0.8, need 1 to 2"),
+        (DriveSettings(min_gain=1.2), NOTHING, "min_gain is 1.2, need 0.01 to 1"),
+        (DriveSettings(max_gain=0.8), NOTHING, "max_gain is 0.8, need 1 to 100"),
         (DriveSettings(min_gain=np.nan), NOTHING, "min_gain is nan"),
-        (DriveSettings(max_lag=-0.1), NOTHING, "max_lag is -0.1 s, need 0 to 1 s"),
+        (DriveSettings(max_lag=-0.1), NOTHING, "max_lag is -0.1 s, need 0 to 10 s"),
         (DriveSettings(memory=0.0), NOTHING, "memory is 0 s"),
         (
             DriveSettings(max_delay=0.01),
@@ -380,3 +383,14 @@ def test_random_data_leaves_finite_estimates_within_the_bounds(seed):
         assert np.isfinite(run.values).all(), seed
         assert all(0.7 <= gain <= 1.3 for gain in run.found.gains)
         assert (np.linalg.eigvalsh(run.memory.covariance) > -1e-12).all()
+
+
+@pytest.mark.parametrize(
+    "known", [DriveEstimate((0.5, 1.0, 2.0), lag=0.5, delay=0.5), DriveEstimate(lag=0.29)]
+)
+def test_default_bounds_contain_the_known_drive(known):
+    settings = settings_around(known, DT)
+    check_start(settings, known)
+    assert settings.max_lag > 1.5 * known.lag
+    assert settings.max_delay >= known.delay + 2 * DT
+    assert settings_around(NOTHING, DT) == DriveSettings()

@@ -3,7 +3,7 @@
 This package depends on internals of Numba: the cache interface of a dispatcher (``_cache`` with
 ``load_overload`` and ``save_overload``), ``CompileResult._reduce`` and ``_rebuild``,
 ``serialize.dumps``, the code library and ``get_executable`` of the CPU target, ``config``,
-``cgutils``, ``types.WrapperAddressProtocol`` with the C wrapper of a kernel, and the passes and the
+``cgutils``, ``FunctionType`` with its data model and the C wrapper of a kernel, the passes and the
 intermediate representation of its compiler, and ``populate_array``. Outside it, only
 :mod:`omnidrive.planning.search.bit_ops` (``numba.cpython.unsafe.numbers``) does. The bounds of
 Numba in ``pyproject.toml`` are the versions that both are tested with.
@@ -15,11 +15,12 @@ from collections.abc import Callable
 from inspect import unwrap
 from typing import Any, ParamSpec, TypeVar, cast
 
-from numba import typeof, types
+from numba import typeof
 from numba.core import config
 from numba.extending import overload
 
 from omnidrive.compiled.compilation import announce_compiling
+from omnidrive.compiled.compiled_function import CompiledFunction
 from omnidrive.compiled.dispatcher import Kernel
 
 P = ParamSpec("P")
@@ -27,7 +28,6 @@ R = TypeVar("R")
 
 _config: Any = config  # its attributes are set at run time
 _overload: Any = overload
-_AddressProtocol: Any = types.WrapperAddressProtocol
 _OPTIONS = {"error_model": "numpy", "nogil": True}
 
 __all__ = [
@@ -104,28 +104,3 @@ def entry_point(kernel: Callable[P, R], *examples: P.args, **_: P.kwargs) -> Cal
     types = tuple(map(typeof, examples))
     machine.compile(types)
     return cast("Callable[P, R]", machine.overloads[types].entry_point)
-
-
-class CompiledFunction(_AddressProtocol):  # type: ignore[misc]
-    """The machine code of a kernel for the types of the examples, as an argument of other kernels.
-
-    It is called by its address: the kernels that call it are compiled without it, and execute the
-    same machine code as Python does. An error within it, such as too little memory, is printed and
-    does not reach the caller.
-    """
-
-    def __init__(self, kernel: Callable[..., Any], *examples: Any) -> None:
-        machine: Any = kernel
-        arguments = tuple(map(typeof, examples))
-        machine.compile(arguments)
-        self._result = machine.overloads[arguments]
-
-    def signature(self) -> Any:
-        """Return the types of result and arguments."""
-        return self._result.signature
-
-    def __wrapper_address__(self) -> int:
-        """Return the address of the function with the calling convention of C."""
-        name = self._result.fndesc.llvm_cfunc_wrapper_name
-        address: int = self._result.library.get_pointer_to_function(name)
-        return address

@@ -14,7 +14,6 @@ from omnidrive.control.feedforward import FeedforwardGains
 from omnidrive.control.nmpc import holonomic, unicycle
 from omnidrive.control.nmpc.holonomic import HolonomicParameters
 from omnidrive.control.pid.options import FuzzyPidOptions, IntervalFuzzyPidOptions, PidOptions
-from omnidrive.estimation.drive_memory import DriveSettings
 from omnidrive.parameter import Bounds, check_choice
 from omnidrive.robot import Robot
 
@@ -86,9 +85,8 @@ class HolonomicNmpcOptions:
     governor: bool = True
     """Whether the robot stays on the path of a reference that its wheels cannot follow in time, and
     arrives later. Other references are not changed."""
-    adapt: bool = False
-    """Whether gains, lag and delay of the drive are identified during the run and compensated. The
-    first use compiles 3 s longer, and a step takes 10 us more."""
+    adapt: bool = True
+    """Whether gains, lag and delay of the drive are identified during the run and compensated."""
 
 
 def pid(context: ControllerContext, parameters: PidOptions) -> Controller:
@@ -154,5 +152,5 @@ def holonomic_nmpc(context: ControllerContext, parameters: HolonomicNmpcOptions)
         solver=parameters.solver,
         actuation=actuation,
         governor=parameters.governor,
-        adaptation=DriveSettings() if parameters.adapt else None,
+        adaptation=parameters.adapt,
     )

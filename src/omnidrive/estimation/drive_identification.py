@@ -38,17 +38,17 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.estimation.drive_estimate import HYPOTHESES, DriveSettings
 from omnidrive.estimation.drive_memory import (
-    HYPOTHESES,
     LAG,
     PARAMETERS,
     DriveMemory,
-    DriveSettings,
     Hypothesis,
     apply_parameters,
+    forget,
     hypothesis,
-    initial_error,
     initialize,
+    limit_parameters,
     memory_in,
     restart,
     restart_hypothesis,
@@ -174,16 +174,24 @@ def _update(
             for a in range(3):
                 h.state_covariance[a, 1, 1] = (unit_of(model, a) * _UNKNOWN_TWIST) ** 2
     if fresh and learns:
-        _compare(memory, dt)
+        _compare(memory, dt, scale, min(excess, 1.0))
         _choose(settings, memory)
 
 
 @compiled
-def _compare(memory: DriveMemory, dt: float) -> None:
+def _compare(memory: DriveMemory, dt: float, scale: float, unexplained: float) -> None:
     """Update the likelihoods of the delays by the latest innovations.
 
     The variance that wheel slip adds is that of the hypothesis with most slip: it is an upper
-    bound, so that its logarithm must not decide.
+    bound, so that its logarithm must not decide. The caution with slip is needed only as far as no
+    hypothesis explains the slip: one that does so knows the friction.
+
+    Args:
+        memory: Changed in place.
+        dt: Time since the last sample, s.
+        scale: Factor of the variances without slip.
+        unexplained: Mean square of the innovations of the best hypothesis over their variance, up
+            to 1.
     """
     innovations, figures = memory.innovations, memory.figures
     for k in range(HYPOTHESES):
@@ -191,7 +199,9 @@ def _compare(memory: DriveMemory, dt: float) -> None:
     for a in range(3):
         largest = 0.0
         for k in range(HYPOTHESES):
-            largest = max(largest, innovations[k, a, 1])
+            slips = _SLIP_CAUTION * figures[k, 3]
+            share = (scale + unexplained * slips) / (scale + slips)
+            largest = max(largest, share * innovations[k, a, 1])
         for k in range(HYPOTHESES):
             total = largest + innovations[k, a, 2]
             square = min(innovations[k, a, 0] ** 2 / total, _LARGEST_EVIDENCE)
@@ -250,7 +260,7 @@ def _correct(  # noqa: PLR0917
         if learns:
             _correct_parameters(model, h, a, innovation[a], change)
         shift[a] = _correct_states(h, a, innovation[a], variances[a])
-    _limit(settings, h, change)
+    limit_parameters(settings, h, change)
     sens, states = h.sensitivity, h.states
     for a in range(3):
         for i in range(PARAMETERS):
@@ -261,7 +271,7 @@ def _correct(  # noqa: PLR0917
     h.pose[0] += c * shift[0] - s * shift[1]
     h.pose[1] += s * shift[0] + c * shift[1]
     h.pose[2] += shift[2]
-    _forget(settings, h, dt)
+    forget(settings, h, dt)
 
 
 @compiled
@@ -371,46 +381,3 @@ def _correct_states(h: Hypothesis, axis: int, innovation: float, variance: float
             p[i, j] -= gains[i] * row[j]
     correction: float = gains[0] * innovation
     return correction
-
-
-@compiled
-def _limit(settings: DriveSettings, h: Hypothesis, change: Float[Array, " parameters"]) -> None:
-    """Add the change to the parameters, within the bounds; the change is corrected accordingly.
-
-    A parameter at its bound changes the others by its covariances with them: the projection in the
-    metric of the covariance.
-    """
-    cov, p = h.covariance, h.parameters
-    for i in range(PARAMETERS):
-        excess = _clip(settings, i, p[i] + change[i]) - (p[i] + change[i])
-        if excess != 0.0 and cov[i, i] > 0.0:
-            for j in range(PARAMETERS):
-                change[j] += cov[j, i] / cov[i, i] * excess
-    for i in range(PARAMETERS):
-        new = _clip(settings, i, p[i] + change[i])
-        change[i] = new - p[i]
-        p[i] = new
-
-
-@compiled
-def _clip(settings: DriveSettings, parameter: int, value: float) -> float:
-    """Return a parameter within its bounds."""
-    if parameter < LAG:
-        return min(max(value, settings.min_gain), settings.max_gain)
-    low = 0.0 if parameter == LAG else -settings.max_lag
-    return min(max(value, low), settings.max_lag)
-
-
-@compiled
-def _forget(settings: DriveSettings, h: Hypothesis, dt: float) -> None:
-    """Forget information: its matrix P^-1 decays towards the inverse of the initial covariance."""
-    cov, old, share = h.covariance, h.work[3:], min(dt / settings.memory, 0.5)
-    for i in range(PARAMETERS):
-        for j in range(PARAMETERS):
-            old[i, j] = cov[i, j]
-    for i in range(PARAMETERS):
-        for j in range(PARAMETERS):
-            kept = 0.0
-            for k in range(PARAMETERS):
-                kept += old[i, k] * old[k, j] / initial_error(k) ** 2
-            cov[i, j] += share * (old[i, j] - kept)

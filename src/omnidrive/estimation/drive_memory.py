@@ -1,22 +1,24 @@
-"""What the identification of the drive knows: settings, estimates and their memory."""
+"""What the identification of the drive remembers, and what a controller should use of it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from math import ceil, exp, hypot, prod, sqrt
-from types import MappingProxyType
-from typing import Annotated, NamedTuple
+from math import ceil, exp, prod, sqrt
+from typing import NamedTuple
 
-import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.compiled.unsafe_views import unsafe_array
-from omnidrive.errors import InvalidInput
-from omnidrive.parameter import Bounds, check_bounds
-from omnidrive.robot import Robot
+from omnidrive.estimation.drive_estimate import (
+    GAIN_ERROR,
+    HYPOTHESES,
+    LAG_ERROR,
+    VALUES,
+    YAW_LAG_ERROR,
+    DriveSettings,
+)
+from omnidrive.estimation.drive_response import Motions
 from omnidrive.robot.slip import Vector
 
 LAG, YAW_LAG = 3, 4
@@ -24,60 +26,15 @@ LAG, YAW_LAG = 3, 4
 gains of x, y and yaw."""
 PARAMETERS = 5
 """Number of parameters that every hypothesis estimates."""
-HYPOTHESES = 3
-"""Number of delays that are compared: whole sample times in addition to the known delay."""
+VARIANTS = 1 + PARAMETERS
+"""Number of motions that every hypothesis predicts: for the estimates, and for each parameter."""
 
 _DELAY, _APPLIED_YAW_LAG = 4, 6
 """Indices of the delay and of the lag in yaw in the parameters that a controller uses."""
-_GAIN_ERROR, _LAG_ERROR, _YAW_LAG_ERROR = 0.07, 0.07, 0.015
-"""Standard deviations of the parameters before the first sample; 1, s, s."""
 _DISTURBANCE = 0.02
 """Standard deviation of the initial disturbance, m/s."""
 _SIGNIFICANCE = 2.0
 """Number of standard errors up to which an estimate is not used."""
-_EXCITED = 0.5
-"""Share of the initial standard error below which a parameter is excited."""
-
-
-class DriveSettings(NamedTuple):
-    """Bounds of the identified parameters, and forgetting."""
-
-    min_gain: Annotated[float, Bounds(0.1, 1.0)] = 0.7
-    """Least gain of an axis."""
-    max_gain: Annotated[float, Bounds(1.0, 2.0)] = 1.3
-    """Largest gain of an axis."""
-    max_lag: Annotated[float, Bounds(0.0, 1.0, "s")] = 0.3
-    """Largest lag in addition to that of the model."""
-    max_delay: Annotated[float, Bounds(0.0, 1.0, "s")] = 0.2
-    """Largest delay of the commands, that of the model included."""
-    memory: Annotated[float, Bounds(1.0, 1e6, "s")] = 30.0
-    """Time constant with which old information is forgotten."""
-
-
-class DriveEstimate(NamedTuple):
-    """Identified parameters of the drive, with their standard errors."""
-
-    gains: Vector = (1.0, 1.0, 1.0)
-    """Ratio of the steady twist to the commanded one along x, y and yaw."""
-    lag: float = 0.0
-    """Lag of the motors in addition to that of the model, s."""
-    delay: float = 0.0
-    """Delay of the commands, that of the model included, s."""
-    yaw_lag: float = 0.0
-    """As ``lag``, in yaw; ``lag`` is that in x and y."""
-    gain_errors: Vector = (_GAIN_ERROR, _GAIN_ERROR, _GAIN_ERROR)
-    lag_error: float = _LAG_ERROR
-    delay_error: float = 0.0
-    """From the probabilities of the compared delays and the distance between them."""
-    yaw_lag_error: float = hypot(_LAG_ERROR, _YAW_LAG_ERROR)
-    sum_error: float = _LAG_ERROR
-    """Of the sum of lag and delay: smooth motions do not distinguish the two."""
-
-    @property
-    def excited(self) -> tuple[bool, bool, bool, bool]:
-        """Whether the motion sufficed to estimate the gains, and the sum of lag and delay."""
-        x, y, yaw = (error < _EXCITED * _GAIN_ERROR for error in self.gain_errors)
-        return x, y, yaw, self.sum_error < _EXCITED * _LAG_ERROR
 
 
 class DriveMemory(NamedTuple):
@@ -90,7 +47,7 @@ class DriveMemory(NamedTuple):
     """
 
     estimate: Float[Array, " 13"]
-    """The fields of :class:`DriveEstimate`, one after another."""
+    """The fields of :class:`~.drive_estimate.DriveEstimate`, one after another."""
     delays: Float[Array, " delays"]
     parameters: Float[Array, "delays 5"]
     covariance: Float[Array, "delays 5 5"]
@@ -103,6 +60,14 @@ class DriveMemory(NamedTuple):
     """These nine are the fields of :class:`Hypothesis`."""
     work: Float[Array, "8 parameters"]
     """Workspace of a correction."""
+    drives: Float[Array, "variants 5"]
+    poses: Float[Array, "variants 3"]
+    headings: Float[Array, "variants 4"]
+    motors: Float[Array, "variants 3"]
+    twists: Float[Array, "variants 3"]
+    disturbances: Float[Array, "variants 3"]
+    """These six are the fields of :class:`~.drive_response.Motions`: the workspace of a prediction,
+    with a variant for the estimates, and one for each parameter."""
     initial: Float[Array, " 5"]
     """Parameters before the first sample."""
     chosen: Float[Array, " 1"]
@@ -136,6 +101,7 @@ class Hypothesis(NamedTuple):
     logarithm of the likelihood, with forgetting; mean square of the innovations over their
     variance."""
     work: Float[Array, "8 parameters"]
+    motions: Motions
 
 
 @compiled
@@ -152,6 +118,14 @@ def hypothesis(memory: DriveMemory, k: int) -> Hypothesis:
         memory.innovations[k],
         memory.figures[k],
         memory.work,
+        Motions(
+            memory.drives,
+            memory.poses,
+            memory.headings,
+            memory.motors,
+            memory.twists,
+            memory.disturbances,
+        ),
     )
 
 
@@ -161,7 +135,7 @@ def command_count(delay: float, period: float) -> int:
 
 
 _SHAPES = (
-    (13,),
+    (VALUES,),
     (HYPOTHESES,),
     (HYPOTHESES, PARAMETERS),
     (HYPOTHESES, PARAMETERS, PARAMETERS),
@@ -172,6 +146,12 @@ _SHAPES = (
     (HYPOTHESES, 3, 3),
     (HYPOTHESES, 6),
     (8, PARAMETERS),
+    (VARIANTS, 5),
+    (VARIANTS, 3),
+    (VARIANTS, 4),
+    (VARIANTS, 3),
+    (VARIANTS, 3),
+    (VARIANTS, 3),
     (PARAMETERS,),
     (1,),
 )
@@ -188,7 +168,7 @@ def memory_size(commands: int) -> int:
 def memory_in(values: Float[Array, " values"]) -> DriveMemory:
     """Return the memory in a vector of :func:`memory_size` values, which must outlive it.
 
-    As one vector, it passes through the kernels of a controller as one array instead of fourteen.
+    As one vector, it passes through the kernels of a controller as one array instead of twenty.
     """
     return DriveMemory(
         unsafe_array(values, _BEGINS[0], _SHAPES[0]),
@@ -204,34 +184,22 @@ def memory_in(values: Float[Array, " values"]) -> DriveMemory:
         unsafe_array(values, _BEGINS[10], _SHAPES[10]),
         unsafe_array(values, _BEGINS[11], _SHAPES[11]),
         unsafe_array(values, _BEGINS[12], _SHAPES[12]),
-        unsafe_array(values, _BEGINS[13], ((len(values) - _BEGINS[13]) // 4, 4)),
+        unsafe_array(values, _BEGINS[13], _SHAPES[13]),
+        unsafe_array(values, _BEGINS[14], _SHAPES[14]),
+        unsafe_array(values, _BEGINS[15], _SHAPES[15]),
+        unsafe_array(values, _BEGINS[16], _SHAPES[16]),
+        unsafe_array(values, _BEGINS[17], _SHAPES[17]),
+        unsafe_array(values, _BEGINS[18], _SHAPES[18]),
+        unsafe_array(values, _BEGINS[19], ((len(values) - _BEGINS[19]) // 4, 4)),
     )
-
-
-def check_start(settings: DriveSettings, initial: DriveEstimate) -> None:
-    """Check settings, and that they allow the initial parameters.
-
-    Raises:
-        InvalidInput: A setting is outside its domain, or an initial value outside the bounds.
-    """
-    check_bounds(settings)
-    for name, value, low, high in (
-        *(("gain", gain, settings.min_gain, settings.max_gain) for gain in initial.gains),
-        ("lag", initial.lag, 0.0, settings.max_lag),
-        ("delay", initial.delay, 0.0, settings.max_delay),
-    ):
-        if not low <= value <= high:
-            raise InvalidInput(
-                f"the {name} before adaptation is {value:g}, outside its bounds {low:g} to {high:g}"
-            )
 
 
 @compiled
 def initial_error(parameter: int) -> float:
     """Return the standard deviation of a parameter before the first sample."""
     if parameter == YAW_LAG:
-        return _YAW_LAG_ERROR
-    return _GAIN_ERROR if parameter < LAG else _LAG_ERROR
+        return YAW_LAG_ERROR
+    return GAIN_ERROR if parameter < LAG else LAG_ERROR
 
 
 @compiled
@@ -338,65 +306,46 @@ def update_estimate(memory: DriveMemory) -> None:
     out[12] = sqrt(by_sum / total)
 
 
-def drive_estimate(values: Float[Array, " values"]) -> DriveEstimate:
-    """Return the estimates for the chosen delay, and their standard errors.
+@compiled
+def limit_parameters(
+    settings: DriveSettings, h: Hypothesis, change: Float[Array, " parameters"]
+) -> None:
+    """Add the change to the parameters, within the bounds; the change is corrected accordingly.
 
-    Args:
-        values: Those of :attr:`DriveMemory.estimate`, with which the memory begins.
+    A parameter at its bound changes the others by its covariances with them: the projection in the
+    metric of the covariance.
     """
-    x, y, yaw, lag, delay, yaw_lag, *errors = values[: _BEGINS[1]].tolist()
-    by_x, by_y, by_yaw, by_lag, by_delay, by_yaw_lag, by_sum = errors
-    return DriveEstimate(
-        (x, y, yaw), lag, delay, yaw_lag, (by_x, by_y, by_yaw), by_lag, by_delay, by_yaw_lag, by_sum
-    )
+    cov, p = h.covariance, h.parameters
+    for i in range(PARAMETERS):
+        excess = _clip(settings, i, p[i] + change[i]) - (p[i] + change[i])
+        if excess != 0.0 and cov[i, i] > 0.0:
+            for j in range(PARAMETERS):
+                change[j] += cov[j, i] / cov[i, i] * excess
+    for i in range(PARAMETERS):
+        new = _clip(settings, i, p[i] + change[i])
+        change[i] = new - p[i]
+        p[i] = new
 
 
-def logged_drive(details: Mapping[str, Float[Array, " rows"]]) -> DriveEstimate | None:
-    """Return the last estimates in the details of a run; None: it has none.
-
-    The columns are those of :data:`DRIVE_UNITS`.
-    """
-    if not details.keys() >= DRIVE_UNITS.keys():
-        return None
-    table = np.column_stack([details[name] for name in DRIVE_UNITS])
-    finite = np.flatnonzero(np.isfinite(table).all(axis=1))
-    return drive_estimate(table[finite[-1]]) if len(finite) else None
+@compiled
+def _clip(settings: DriveSettings, parameter: int, value: float) -> float:
+    """Return a parameter within its bounds."""
+    if parameter < LAG:
+        return min(max(value, settings.min_gain), settings.max_gain)
+    low = 0.0 if parameter == LAG else -settings.max_lag
+    return min(max(value, low), settings.max_lag)
 
 
-def known_drive(robot: Robot, delay: float = 0.0) -> DriveEstimate:
-    """Return the parameters of a robot file, and a delay, s, to start from."""
-    return DriveEstimate(robot.drive_gain, robot.motor_lag, delay, robot.motor_lag)
-
-
-def identified_robot(robot: Robot, estimate: DriveEstimate) -> Robot:
-    """Return a robot with the identified gains and motor lag, for its file.
-
-    What the motion did not determine (:attr:`DriveEstimate.excited`) is unchanged. The delay is no
-    parameter of a robot.
-    """
-    *moving, answering = estimate.excited
-    pairs = zip(moving, estimate.gains, robot.drive_gain, strict=True)
-    x, y, yaw = (found if excited else known for excited, found, known in pairs)
-    lag = estimate.lag if answering else robot.motor_lag
-    return replace(robot, drive_gain=(x, y, yaw), motor_lag=lag)
-
-
-DRIVE_UNITS: Mapping[str, str] = MappingProxyType(
-    {
-        "drive_gain_x": "1",
-        "drive_gain_y": "1",
-        "drive_gain_yaw": "1",
-        "drive_lag": "s",
-        "drive_delay": "s",
-        "drive_yaw_lag": "s",
-        "drive_gain_x_error": "1",
-        "drive_gain_y_error": "1",
-        "drive_gain_yaw_error": "1",
-        "drive_lag_error": "s",
-        "drive_delay_error": "s",
-        "drive_yaw_lag_error": "s",
-        "drive_lag_and_delay_error": "s",
-    }
-)
-"""Columns of the log of a run and their units: :attr:`DriveMemory.estimate`. ``..._error`` are
-standard errors; the last one is that of the sum of lag and delay."""
+@compiled
+def forget(settings: DriveSettings, h: Hypothesis, dt: float) -> None:
+    """Forget information: its matrix P^-1 decays towards the inverse of the initial covariance."""
+    cov, old, share = h.covariance, h.work[3:], min(dt / settings.memory, 0.5)
+    for i in range(PARAMETERS):
+        for j in range(PARAMETERS):
+            old[i, j] = cov[i, j]
+    for i in range(PARAMETERS):
+        for j in range(PARAMETERS):
+            kept = 0.0
+            for k in range(PARAMETERS):
+                kept += old[i, k] * old[k, j] / initial_error(k) ** 2
+            cov[i, j] += share * (old[i, j] - kept)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, inf, sin, sqrt
+from math import cos, sin, sqrt
 
 from jaxtyping import Float
 
@@ -10,11 +10,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.estimation.drive_memory import LAG, PARAMETERS, YAW_LAG, Hypothesis
 from omnidrive.estimation.drive_response import (
-    LINEAR,
-    SLIPPING,
-    WATCHED,
     DriveModel,
-    Motion,
     axis_slopes,
     respond,
     unit_of,
@@ -55,97 +51,65 @@ def predict(
 ) -> None:
     """Predict pose, states, their covariances and their sensitivities over ``dt`` (s).
 
-    The rates are the :func:`inverse_lags` of the model.
+    The rates are the :func:`inverse_lags` of the model. The first variant is the motion for the
+    estimates, variant i + 1 that for parameter i larger by a step.
     """
-    p, pose = h.parameters, h.pose
-    start, gains = _motion(h, 0, 0.0), (p[0], p[1], p[2])
-    mode = WATCHED if model.max_force < inf else LINEAR
-    while True:
-        end = respond(
-            model, rates, gains, p[LAG], p[LAG] + p[YAW_LAG], h.delay, start, commands, dt, mode
-        )
-        if mode != WATCHED or end.saturation == 0.0:
-            break
-        mode = SLIPPING
-    if mode == WATCHED:
-        mode = LINEAR
-    _predict_covariances(model, rates, h, end, dt)
+    motions = h.motions
+    _set_variants(h)
+    saturation = respond(model, rates, motions, h.delay, commands, dt)
+    _predict_covariances(model, rates, h, saturation, dt)
+    x, y, yaw = motions.poses[0]
+    _, _, c, s = motions.headings[0]
     for i in range(PARAMETERS):
-        _predict_sensitivities(model, rates, h, commands, i, end, dt, mode)
-    pose[0] += end.displacement[0]
-    pose[1] += end.displacement[1]
-    pose[2] = end.displacement[2]
+        sens, delta = h.sensitivity[:, :, i], _step(h, i)
+        dx = sens[0, 0] + (motions.poses[i + 1, 0] - x) / delta
+        dy = sens[0, 1] + (motions.poses[i + 1, 1] - y) / delta
+        sens[0, 0], sens[0, 1] = c * dx + s * dy, c * dy - s * dx
+        sens[0, 2] = (motions.poses[i + 1, 2] - yaw) / delta
+        for a in range(3):
+            sens[1, a] = (motions.motors[i + 1, a] - motions.motors[0, a]) / delta
+            sens[2, a] = (motions.twists[i + 1, a] - motions.twists[0, a]) / delta
+            sens[3, a] = (motions.disturbances[i + 1, a] - motions.disturbances[0, a]) / delta
+    pose = h.pose
+    c, s = cos(pose[2]), sin(pose[2])
+    pose[0] += c * x - s * y
+    pose[1] += s * x + c * y
+    pose[2] += yaw
     for a in range(3):
-        h.states[0, a] = end.motors[a]
-        h.states[1, a] = end.twist[a]
-        h.states[2, a] = end.disturbance[a]
-    h.figures[3] = end.saturation
+        h.states[0, a] = motions.motors[0, a]
+        h.states[1, a] = motions.twists[0, a]
+        h.states[2, a] = motions.disturbances[0, a]
+    h.figures[3] = saturation
 
 
 @compiled
-def _motion(h: Hypothesis, parameter: int, delta: float) -> Motion:
-    """Return the estimated motion for a parameter that is larger by ``delta``."""
-    states, sens, i = h.states, h.sensitivity, parameter
-    return Motion(
-        (0.0, 0.0, h.pose[2] + delta * sens[0, 2, i]),
-        (
-            states[0, 0] + delta * sens[1, 0, i],
-            states[0, 1] + delta * sens[1, 1, i],
-            states[0, 2] + delta * sens[1, 2, i],
-        ),
-        (
-            states[1, 0] + delta * sens[2, 0, i],
-            states[1, 1] + delta * sens[2, 1, i],
-            states[1, 2] + delta * sens[2, 2, i],
-        ),
-        (
-            states[2, 0] + delta * sens[3, 0, i],
-            states[2, 1] + delta * sens[3, 1, i],
-            states[2, 2] + delta * sens[3, 2, i],
-        ),
-        0.0,
-    )
-
-
-@compiled
-def _predict_sensitivities(  # noqa: PLR0917
-    model: DriveModel,
-    rates: Vector,
-    h: Hypothesis,
-    commands: Float[Array, "commands 4"],
-    parameter: int,
-    end: Motion,
-    dt: float,
-    mode: int,
-) -> None:
-    """Predict the sensitivities to a parameter; ``end`` is the motion for the estimates."""
-    p, sens, i = h.parameters, h.sensitivity, parameter
-    delta = _step(h, i)
-    gains = (
-        p[0] + (delta if i == 0 else 0.0),
-        p[1] + (delta if i == 1 else 0.0),
-        p[2] + (delta if i == 2 else 0.0),
-    )
-    lag = p[LAG] + (delta if i == LAG else 0.0)
-    start = _motion(h, i, delta)
-    yaw_lag = lag + p[YAW_LAG] + (delta if i == YAW_LAG else 0.0)
-    other = respond(model, rates, gains, lag, yaw_lag, h.delay, start, commands, dt, mode)
-    c, s = cos(h.pose[2]), sin(h.pose[2])
-    x, y = sens[0, 0, i], sens[0, 1, i]
-    dx = c * x - s * y + (other.displacement[0] - end.displacement[0]) / delta
-    dy = s * x + c * y + (other.displacement[1] - end.displacement[1]) / delta
-    c, s = cos(end.displacement[2]), sin(end.displacement[2])
-    sens[0, 0, i], sens[0, 1, i] = c * dx + s * dy, c * dy - s * dx
-    sens[0, 2, i] = (other.displacement[2] - end.displacement[2]) / delta
-    for a in range(3):
-        sens[1, a, i] = (other.motors[a] - end.motors[a]) / delta
-        sens[2, a, i] = (other.twist[a] - end.twist[a]) / delta
-        sens[3, a, i] = (other.disturbance[a] - end.disturbance[a]) / delta
+def _set_variants(h: Hypothesis) -> None:
+    """Set drives and initial motions of all variants."""
+    motions, states, sens, p = h.motions, h.states, h.sensitivity, h.parameters
+    for k in range(len(motions.drives)):
+        i, delta, drive = max(k - 1, 0), 0.0, motions.drives[k]
+        for j in range(LAG + 1):
+            drive[j] = p[j]
+        drive[YAW_LAG] = p[LAG] + p[YAW_LAG]
+        if k > 0:
+            delta = _step(h, i)
+            drive[i] += delta
+            if i == LAG:
+                drive[YAW_LAG] += delta
+        for a in range(3):
+            motions.poses[k, a] = 0.0
+            motions.motors[k, a] = states[0, a] + delta * sens[1, a, i]
+            motions.twists[k, a] = states[1, a] + delta * sens[2, a, i]
+            motions.disturbances[k, a] = states[2, a] + delta * sens[3, a, i]
+        turn = delta * sens[0, 2, i]
+        motions.poses[k, 2] = turn
+        motions.headings[k, 0] = motions.headings[k, 2] = cos(turn)
+        motions.headings[k, 1] = motions.headings[k, 3] = sin(turn)
 
 
 @compiled
 def _predict_covariances(
-    model: DriveModel, rates: Vector, h: Hypothesis, end: Motion, dt: float
+    model: DriveModel, rates: Vector, h: Hypothesis, saturation: float, dt: float
 ) -> None:
     """Predict the covariance of the states of every axis.
 
@@ -153,15 +117,15 @@ def _predict_covariances(
     q dt^2 / 3, q dt / 2 and q to the variance of displacement and twist. One that is constant in
     the sample would add q dt^2 / 4: exact poses would then make the estimated twist oscillate.
     """
-    bx, by, bw = end.twist
+    bx, by, bw = h.motions.twists[0]
     turning = abs(bw) / unit_of(model, 2)
     velocity = _VELOCITY + _RIPPLE * sqrt(bx * bx + by * by) + _TURN_RIPPLE * turning
     time = sqrt(dt * _RIPPLE_TIME)
-    acceleration = _ACCELERATION + _SLIP_ACCELERATION * end.saturation
-    slipping = _SLIP_ACCELERATION * end.saturation * time
+    acceleration = _ACCELERATION + _SLIP_ACCELERATION * saturation
+    slipping = _SLIP_ACCELERATION * saturation * time
     for a in range(3):
         p, unit = h.state_covariance[a], unit_of(model, a)
-        m, n, f, g = axis_slopes(rates[a], end.saturation, dt)
+        m, n, f, g = axis_slopes(rates[a], saturation, dt)
         # F P F^T with F = [[1, m, n], [0, f, g], [0, 0, 1]], from the columns of F P
         pp, pb, pd, bb, bd, dd = p[0, 0], p[0, 1], p[0, 2], p[1, 1], p[1, 2], p[2, 2]
         p_d = pd + m * bd + n * dd

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, cos, exp, sin, sqrt
+from math import ceil, exp, inf, sqrt
 from typing import NamedTuple
 
 from jaxtyping import Float
@@ -19,12 +19,10 @@ _MAX_STEPS = 30
 """Integration steps in a sample at the friction limit."""
 _MIN_LAG = 1e-5
 """In s; shorter lags have the same effect."""
+_SETTLED = 40.0
+"""Number of time constants after which the deviation from the goal is less than rounding."""
 _ROUNDING = 1e-9
 """Share of an integration step by which a step may be longer."""
-
-LINEAR, WATCHED, SLIPPING = 0, 1, 2
-"""Modes of :func:`respond`: no wheel slips; the same, and the saturation tells whether one would;
-wheels slip at the friction limit."""
 
 
 class DriveModel(NamedTuple):
@@ -48,19 +46,24 @@ class DriveModel(NamedTuple):
     """Friction limit of a wheel, in N; infinite: no wheel slips."""
 
 
-class Motion(NamedTuple):
-    """State of a response; the vectors are along x, y and yaw."""
+class Motions(NamedTuple):
+    """Motions of several variants of a drive under the same commands, changed in place.
 
-    displacement: Vector
-    """Displacement in W since the start, m, m; and the yaw, rad."""
-    motors: Vector
+    The first index is that of the variant. F is the frame B of the first variant at the start.
+    """
+
+    drives: Float[Array, "variants 5"]
+    """Gains along x, y and yaw, and lags of the motors in x and y, and in yaw, s."""
+    poses: Float[Array, "variants 3"]
+    """Pose in F; m, m, rad."""
+    headings: Float[Array, "variants 4"]
+    """Cosine and sine of the yaw in F, at the start and now."""
+    motors: Float[Array, "variants 3"]
     """Twist m that the motors follow, in B; m/s, m/s, rad/s."""
-    twist: Vector
+    twists: Float[Array, "variants 3"]
     """Body twist, likewise."""
-    disturbance: Vector
+    disturbances: Float[Array, "variants 3"]
     """Disturbance, likewise; constant in W."""
-    saturation: float
-    """Mean share of wheels at the friction limit since the start; see :data:`WATCHED`."""
 
 
 @compiled
@@ -96,33 +99,31 @@ def _squares(jacobian: Float[Array, "wheels 3"]) -> Vector:
 def respond(  # noqa: PLR0917
     model: DriveModel,
     rates: Vector,
-    gains: Vector,
-    lag: float,
-    yaw_lag: float,
+    motions: Motions,
     delay: float,
-    start: Motion,
     commands: Float[Array, "commands 4"],
     dt: float,
-    mode: int,
-) -> Motion:
-    """Return the motion after ``dt`` seconds.
+) -> float:
+    """Continue the motions of all variants by ``dt`` seconds.
+
+    The steps are the same for all variants, so that their differences contain no error of
+    integration: they are short while wheels slip in the motion of the first one.
 
     Args:
         model: Response to the twist of the motors.
         rates: :func:`inverse_lags` of the model.
-        gains: Ratio of the twist that the motors follow to the commanded one, for every axis.
-        lag: Time constant with which the motors follow in x and y, s.
-        yaw_lag: Likewise in yaw, s.
+        motions: The motions at the start, with the pose of the first variant at zero; changed in
+            place.
         delay: Time from a command until it takes effect, s.
-        start: The motion at the start; its displacement is zero besides the yaw.
         commands: Earlier commands, the latest one first: body twist, and the time for which it was
             held, s. The latest one ends now.
         dt: In s.
-        mode: :data:`LINEAR`, :data:`WATCHED` or :data:`SLIPPING`.
+
+    Returns:
+        Mean share of wheels at the friction limit, of the first variant.
     """
-    lag, yaw_lag, motion = max(lag, _MIN_LAG), max(yaw_lag, _MIN_LAG), start
-    step = min(_STEP, max(_SLIP_STEP / rates[0], dt / _MAX_STEPS)) if mode == SLIPPING else _STEP
-    begin, row = 0.0, 0
+    short = min(_STEP, max(_SLIP_STEP / rates[0], dt / _MAX_STEPS))
+    begin, row, saturation = 0.0, 0, 0.0
     for k in range(len(commands)):  # the command that acts at the start
         begin -= commands[k, 3]
         row = k
@@ -132,82 +133,113 @@ def respond(  # noqa: PLR0917
     for k in range(row, -1, -1):
         begin += commands[k, 3]
         end = min(begin + delay, 0.0)
-        if end - first > _ROUNDING * dt:
-            goal = (gains[0] * commands[k, 0], gains[1] * commands[k, 1], gains[2] * commands[k, 2])
-            steps = ceil((end - first) / step - _ROUNDING)
-            span = (end - first) / steps
-            motion = _hold(model, rates, motion, goal, lag, yaw_lag, span, steps, mode)
-            first = end
-    x, y, yaw = motion.displacement
-    ox, oy, ow = motion.disturbance
-    turn = yaw - start.displacement[2]
-    c, s = cos(turn), sin(turn)
-    return Motion(
-        (x, y, yaw),
-        motion.motors,
-        motion.twist,
-        (c * ox + s * oy, c * oy - s * ox, ow),
-        motion.saturation / dt,
-    )
+        while end - first > _ROUNDING * dt:
+            h = (end - first) / ceil((end - first) / _STEP - _ROUNDING)
+            slips = _slips(model, motions, commands[k], h)
+            if slips:
+                h = min(short, end - first)
+            saturation += h * _step(model, rates, motions, commands[k], h, slips)
+            first += h
+        first = max(first, end)
+    for i in range(len(motions.drives)):
+        old_c, old_s, c, s = motions.headings[i]
+        p, q = c * old_c + s * old_s, s * old_c - c * old_s
+        ox, oy, ow = motions.disturbances[i]
+        _set(motions.disturbances[i], p * ox + q * oy, p * oy - q * ox, ow)
+    return saturation / dt
 
 
 @compiled
-def _hold(  # noqa: PLR0917
+def _slips(model: DriveModel, motions: Motions, command: Float[Array, " 4"], h: float) -> bool:
+    """Return whether a wheel slips at the begin of a step of ``h`` (s) in the first motion."""
+    if model.max_force == inf:  # the stiffness may be infinite, too
+        return False
+    mean, _ = _motor_response(motions, 0, command, h)
+    bx, by, bw = motions.twists[0]
+    return _peak(model, (mean[0] - bx, mean[1] - by, mean[2] - bw)) >= model.max_force
+
+
+@compiled
+def _motor_response(
+    motions: Motions, variant: int, command: Float[Array, " 4"], h: float
+) -> tuple[Vector, Vector]:
+    """Return the mean twist of the motors in ``h`` (s) plus the disturbance, and the final one."""
+    drive = motions.drives[variant]
+    gx, gy, gw = drive[0] * command[0], drive[1] * command[1], drive[2] * command[2]
+    mx, my, mw = motions.motors[variant]
+    ox, oy, ow = motions.disturbances[variant]
+    decay, share = _decay(drive[3], h)
+    yaw_decay, yaw_share = (decay, share) if drive[4] == drive[3] else _decay(drive[4], h)
+    mx, my, mw = mx - gx, my - gy, mw - gw
+    mean = (gx + share * mx + ox, gy + share * my + oy, gw + yaw_share * mw + ow)
+    return mean, (gx + decay * mx, gy + decay * my, gw + yaw_decay * mw)
+
+
+@compiled
+def _step(  # noqa: PLR0917
     model: DriveModel,
     rates: Vector,
-    motion: Motion,
-    goal: Vector,
-    lag: float,
-    yaw_lag: float,
+    motions: Motions,
+    command: Float[Array, " 4"],
     h: float,
-    steps: int,
-    mode: int,
-) -> Motion:
-    """Return the motion after some steps of ``h`` (s) with a constant goal of the motors.
+    slips: bool,
+) -> float:
+    """Continue the motions by ``h`` (s) with a constant command.
 
-    Without slip the body twist is exact for the mean of the motors' twist in every step. The
-    saturation is its integral over time.
+    Without slip the body twist is exact for the mean of the motors' twist in the step.
+
+    Returns:
+        Share of wheels at the friction limit, of the first variant.
     """
-    (x, y, yaw), (mx, my, mw), (bx, by, bw), disturbance, saturation = motion
-    decay = exp(-h / lag)
-    share = lag / h * (1.0 - decay)
-    yaw_decay = exp(-h / yaw_lag)
-    yaw_share = yaw_lag / h * (1.0 - yaw_decay)
+    ix, iy, iw = 1.0 / rates[0], 1.0 / rates[1], 1.0 / rates[2]
     ex, ey, ew = exp(-h * rates[0]), exp(-h * rates[1]), exp(-h * rates[2])
-    qx, qy = (1.0 - ex) / (h * rates[0]), (1.0 - ey) / (h * rates[1])
-    qw = (1.0 - ew) / (h * rates[2])
-    c, s = cos(yaw), sin(yaw)
-    for _ in range(steps):
-        input_x = goal[0] + share * (mx - goal[0]) + disturbance[0]
-        input_y = goal[1] + share * (my - goal[1]) + disturbance[1]
-        input_w = goal[2] + yaw_share * (mw - goal[2]) + disturbance[2]
-        mx = goal[0] + decay * (mx - goal[0])
-        my = goal[1] + decay * (my - goal[1])
-        mw = goal[2] + yaw_decay * (mw - goal[2])
-        cx, cy = input_x + bw * by / rates[0], input_y - bw * bx / rates[1]
-        ax, ay, aw = cx + qx * (bx - cx), cy + qy * (by - cy), input_w + qw * (bw - input_w)
-        nx, ny, nw = cx + ex * (bx - cx), cy + ey * (by - cy), input_w + ew * (bw - input_w)
-        if mode == WATCHED:
-            if _peak(model, (input_x - bx, input_y - by, input_w - bw)) >= model.max_force:
-                saturation += h
-        elif mode == SLIPPING:
-            slip = (input_x - ax, input_y - ay, input_w - aw)
-            slipping, fx, fy, fw = _limited_wrench(model, slip)
-            if slipping > 0.0:
-                saturation += slipping * h
-                inertia = model.inertia
-                nx, ny = bx + h * (fx / inertia[0] + bw * by), by + h * (fy / inertia[1] - bw * bx)
+    qx, qy, qw = (1.0 - ex) * ix / h, (1.0 - ey) * iy / h, (1.0 - ew) * iw / h
+    saturation, inertia = 0.0, model.inertia
+    for i in range(len(motions.drives)):
+        mean, motors = _motor_response(motions, i, command, h)
+        x, y, yaw = motions.poses[i]
+        _, _, c, s = motions.headings[i]
+        bx, by, bw = motions.twists[i]
+        cx, cy, cw = mean[0] + bw * by * ix, mean[1] - bw * bx * iy, mean[2]
+        ax, ay, aw = cx + qx * (bx - cx), cy + qy * (by - cy), cw + qw * (bw - cw)
+        nx, ny, nw = cx + ex * (bx - cx), cy + ey * (by - cy), cw + ew * (bw - cw)
+        if slips:
+            share, fx, fy, fw = _limited_wrench(model, (mean[0] - ax, mean[1] - ay, cw - aw))
+            if share > 0.0:
+                nx = bx + h * (fx / inertia[0] + bw * by)
+                ny = by + h * (fy / inertia[1] - bw * bx)
                 nw = bw + h * fw / inertia[2]
                 ax, ay, aw = 0.5 * (bx + nx), 0.5 * (by + ny), 0.5 * (bw + nw)
+            if i == 0:
+                saturation = share
         # turn by half an angle, move, turn by the other half; by the Cayley transform
         tangent = 0.25 * h * aw
         square = 1.0 / (1.0 + tangent * tangent)
         p, q = (1.0 - tangent * tangent) * square, 2.0 * tangent * square
         c, s = c * p - s * q, s * p + c * q
         x, y, yaw = x + h * (c * ax - s * ay), y + h * (s * ax + c * ay), yaw + h * aw
-        c, s = c * p - s * q, s * p + c * q
-        bx, by, bw = nx, ny, nw
-    return Motion((x, y, yaw), (mx, my, mw), (bx, by, bw), disturbance, saturation)
+        motions.headings[i, 2], motions.headings[i, 3] = c * p - s * q, s * p + c * q
+        _set(motions.poses[i], x, y, yaw)
+        _set(motions.motors[i], motors[0], motors[1], motors[2])
+        _set(motions.twists[i], nx, ny, nw)
+    return saturation
+
+
+@compiled
+def _decay(lag: float, h: float) -> tuple[float, float]:
+    """Return the final and the mean deviation from the goal of a lag after ``h`` (s).
+
+    As shares of the initial one.
+    """
+    x = h / max(lag, _MIN_LAG)
+    decay = exp(-x) if x < _SETTLED else 0.0
+    return decay, (1.0 - decay) / x
+
+
+@compiled
+def _set(vector: Float[Array, " 3"], x: float, y: float, yaw: float) -> None:
+    """Set the elements of a vector."""
+    vector[0], vector[1], vector[2] = x, y, yaw
 
 
 @compiled

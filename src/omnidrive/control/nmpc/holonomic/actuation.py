@@ -14,6 +14,7 @@ from omnidrive.control.nmpc.holonomic.problem import Limits
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation.drive_estimate import DriveEstimate
 from omnidrive.robot import Chassis, Robot
 
 
@@ -97,6 +98,11 @@ class Actuation:
                 max_force=drive.force_ratio * slip_model.max_force,
             )
         return replace(self, acceleration_faces=faces, slip_model=slip_model)
+
+    @property
+    def drive(self) -> DriveEstimate:
+        """Gains, lag and delay of the drive, without knowledge from a run."""
+        return DriveEstimate(self.drive_gain, self.motor_lag, self.delay, self.motor_lag)
 
     @property
     def reserve(self) -> float:

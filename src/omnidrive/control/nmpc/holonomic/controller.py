@@ -58,17 +58,16 @@ from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.control.reference_governor import ReferenceGovernor
 from omnidrive.control.reference_window import ReferenceWindow
 from omnidrive.estimation import State
-from omnidrive.estimation.drive_identification import START, DriveSample, identify
-from omnidrive.estimation.drive_memory import (
+from omnidrive.estimation.drive_estimate import (
     DRIVE_UNITS,
     HYPOTHESES,
     DriveEstimate,
     DriveSettings,
     check_start,
-    command_count,
     drive_estimate,
-    memory_size,
 )
+from omnidrive.estimation.drive_identification import START, DriveSample, identify
+from omnidrive.estimation.drive_memory import command_count, memory_size
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
 from omnidrive.robot import Chassis
@@ -180,18 +179,12 @@ class HolonomicController(GuardedController):
         settings, robot = self.adaptation, drive_model(model)
         if settings is None:
             return None
-        known, motion = self._known_drive(), self._memory.motion
+        known, motion = self.actuation.drive, self._memory.motion
         check_start(settings, known)
         zero = (0.0, 0.0, 0.0)
         sample = DriveSample(zero, 0.0, zero, zero, zero, False)
         drive, values = motion.drive, motion.identified
         return CompiledFunction(identify, START, robot, settings, drive, values, sample, drive)
-
-    def _known_drive(self) -> DriveEstimate:
-        """Return the parameters of the drive before adaptation."""
-        actuation = self.actuation
-        lag = actuation.motor_lag
-        return DriveEstimate(actuation.drive_gain, lag, actuation.delay, lag)
 
     def _new_window(self) -> ReferenceWindow:
         """Return a window that also covers the longest delay that can be identified."""
@@ -207,7 +200,7 @@ class HolonomicController(GuardedController):
         the standard deviation of the measured positions, estimated from the innovations;
         ``reference_delay`` is the delay of the governed reference. With ``adaptation`` the
         identified parameters follow, with their standard errors:
-        :data:`~omnidrive.estimation.drive_memory.DRIVE_UNITS`.
+        :data:`~omnidrive.estimation.drive_estimate.DRIVE_UNITS`.
         """
         units = {
             "fallback_level": "1",
@@ -243,7 +236,7 @@ class HolonomicController(GuardedController):
     def drive(self) -> DriveEstimate:
         """Identified gains, lag and delay of the drive at the last step."""
         if self.adaptation is None or self._memory.last[STARTED] == 0.0:
-            return self._known_drive()
+            return self.actuation.drive
         return drive_estimate(self._memory.motion.identified)
 
     @property

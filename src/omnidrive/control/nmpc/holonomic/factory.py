@@ -17,7 +17,7 @@ from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
 from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSolverSettings
 from omnidrive.control.reference_governor import ReferenceGovernor
-from omnidrive.estimation.drive_memory import DriveSettings
+from omnidrive.estimation.drive_estimate import DriveSettings, settings_around
 from omnidrive.parameter import check_choice
 from omnidrive.robot import Chassis
 
@@ -42,7 +42,7 @@ def holonomic_nmpc(
     actuation: Actuation | None = None,
     keep_outs: KeepOutForecast | Sequence[KeepOutZone] = (),
     governor: bool = True,
-    adaptation: DriveSettings | None = None,
+    adaptation: DriveSettings | bool = True,
 ) -> HolonomicController:
     """Return the NMPC of a holonomic robot with limited wheel speeds, with its kernels compiled.
 
@@ -60,8 +60,9 @@ def holonomic_nmpc(
             zones over the horizon.
         governor: Whether the robot stays on the path of a reference that it cannot follow in time,
             and arrives later, see :class:`~omnidrive.control.ReferenceGovernor`.
-        adaptation: Bounds and forgetting of the identification of drive gains, lag and delay. None:
-            they are those of ``actuation``.
+        adaptation: Whether gains, lag and delay of the drive are identified and compensated;
+            otherwise they are those of ``actuation``. Or the bounds of the estimates and the
+            forgetting; by default the bounds contain what is known.
 
     Raises:
         InvalidInput: An argument is outside its domain.
@@ -71,6 +72,10 @@ def holonomic_nmpc(
         check_choice("solver", solver, _SOLVERS)
         solver = _SOLVERS[solver]()
     actuation = actuation or Actuation()
+    if isinstance(adaptation, bool):
+        settings = settings_around(actuation.drive, dt) if adaptation else None
+    else:
+        settings = adaptation
     controller = HolonomicController(
         dt,
         horizon,
@@ -80,7 +85,7 @@ def holonomic_nmpc(
         solver,
         forecast_keep_outs(keep_outs),
         ReferenceGovernor(chassis, actuation.acceleration_faces) if governor else None,
-        adaptation,
+        settings,
     )
     controller.prepare()
     return controller

@@ -203,7 +203,8 @@ def finish(  # noqa: PLR0917
     twist, level, status = (0.0, 0.0, 0.0), _STOP, _FAILED
     if 0 <= age <= max_age and age < len(memory.plan.velocities):
         factor = min(1.0, (max_age - age + 1) / (RAMP_STEPS + 1))
-        twist = command_stage(data.robot, motion, memory.plan, age, factor, data.dt)
+        approaches = last[_APPROACHES] > 0.0
+        twist = command_stage(data.robot, motion, memory.plan, age, factor, data.dt, approaches)
         level, status = (_OLD_PLAN if factor == 1.0 else _RAMP), _FALLBACK
         if solved and figures[4] == CONVERGED:
             level, status = _OPTIMAL, _OK

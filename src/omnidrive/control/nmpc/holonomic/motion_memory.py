@@ -63,10 +63,11 @@ class MotionMemory(NamedTuple):
     of measurements; of every axis the last displacement of a robot that was moved, otherwise 0; and
     for how long wheels have slipped up to now, s.
     See :func:`~.pose_noise.estimate_noise` and :func:`~.motion_observer.correct`."""
-    reached: Float[Array, " 2"]
-    """Share of the planned acceleration that the robot reaches, minus the assumed one, and how much
-    its response is delayed, 0 to 1; see :func:`~.reached_acceleration.reached_share` and
-    :func:`~.reached_acceleration.promptness`."""
+    reached: Float[Array, " 3"]
+    """Share of the planned acceleration that the robot reaches, minus the assumed one; how much its
+    response is delayed, and has lately been late, 0 to 1; see
+    :func:`~.reached_acceleration.reached_share`, :func:`~.reached_acceleration.promptness` and
+    :func:`~.reached_acceleration.is_late`."""
 
 
 def observed_motion(memory: MotionMemory) -> ObservedMotion:
@@ -90,7 +91,7 @@ def motion_memory(commands: int, identified: int = 0) -> MotionMemory:
         np.zeros(identified),
         np.zeros((commands, 3)),
         np.zeros(13),
-        np.zeros(2),
+        np.zeros(3),
     )
 
 
@@ -103,7 +104,7 @@ def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
     memory.covariance[:] = 0.0
     memory.commands[:] = 0.0
     memory.noise[:] = 0.0
-    memory.reached[0] = memory.reached[1] = 0.0
+    memory.reached[:] = 0.0
 
 
 @compiled

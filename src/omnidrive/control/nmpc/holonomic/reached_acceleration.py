@@ -20,11 +20,16 @@ _HARD = 0.3
 """Least share of the limits of acceleration at which a deficit is evidence."""
 _RISE, _REACTION, _OBLIVION = 0.04, 0.1, 20.0
 """Time constants in s: of rises, of reductions, and of the return to the assumed share."""
-_PROMPT, _DELAYED = 0.5, 0.4
+_PROMPT, _DELAYED = 0.65, 0.55
 """Acceleration over the predicted one, from which on the response is prompt, and below which it is
 delayed."""
 _LEAST_PROMPTNESS, _DELAY_OBLIVION = 0.33, 10.0
 """Promptness of a delayed response, and time constant in s with which a delay is forgotten."""
+_PUNCTUAL, _LATE = 0.35, 0.25
+"""As :data:`_PROMPT` and :data:`_DELAYED`, for a response that a delay or a lag explains, but no
+lower friction."""
+_LATE_OBLIVION = 1.0
+"""Time constant in s with which a late response is forgotten."""
 _NOISE_RATIO = 25.0
 """Least square of the displacement by acceleration over the variance of the measured position."""
 
@@ -39,6 +44,12 @@ def reached_share(memory: MotionMemory) -> float:
 def promptness(memory: MotionMemory) -> float:
     """Return the factor of speed per distance for a response that may be delayed, up to 1."""
     return 1.0 - (1.0 - _LEAST_PROMPTNESS) * float(memory.reached[1])
+
+
+@compiled
+def is_late(memory: MotionMemory) -> bool:
+    """Return whether the robot has responded later than predicted within the last second or so."""
+    return bool(memory.reached[2] > 0.5)
 
 
 @compiled
@@ -86,9 +97,12 @@ def update_reached(  # noqa: PLR0917
         load = max(load, abs(change) / dt)
     share = 1.0 - missing / expected
     memory.reached[1] *= 1.0 - dt / _DELAY_OBLIVION
+    memory.reached[2] *= max(1.0 - dt / _LATE_OBLIVION, 0.0)
     if load > _HARD:
         delayed = min(max((_PROMPT - share) / (_PROMPT - _DELAYED), 0.0), 1.0)
         memory.reached[1] = max(memory.reached[1], delayed)
+        late = min(max((_PUNCTUAL - share) / (_PUNCTUAL - _LATE), 0.0), 1.0)
+        memory.reached[2] = max(memory.reached[2], late)
     reached = min(max(share, 0.0), 1.0) * min(load, 1.0)
     change = max(reached, _LEAST) - reached_share(memory)
     if load > _HARD and (change > 0.0 or share < _DEFICIT):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Any, NamedTuple
 
 from jaxtyping import Float
@@ -9,9 +10,12 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compilable, compiled
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
-from omnidrive.estimation.drive_memory import DriveSettings
+from omnidrive.estimation.drive_estimate import DriveSettings
 from omnidrive.estimation.drive_response import DriveModel
 from omnidrive.robot.slip import Vector
+
+_MAX_SPEEDING = 3.0
+"""Wheel speed, as a multiple of the maximum, above which an estimated twist is a fault."""
 
 
 class RobotModel(NamedTuple):
@@ -71,3 +75,11 @@ def acceleration_load(faces: Float[Array, "faces 3"], vector: Vector) -> float:
         component = faces[j, 0] * vector[0] + faces[j, 1] * vector[1] + faces[j, 2] * vector[2]
         load = max(load, abs(component))
     return load
+
+
+@compiled
+def is_plausible(robot: RobotModel, twist: Vector) -> bool:
+    """Return whether a twist is known, and not far beyond what the wheels reach: a fault."""
+    if not isfinite(twist[0] + twist[1] + twist[2]):
+        return False
+    return fastest_wheel(robot, twist) <= _MAX_SPEEDING * robot.max_wheel_speed

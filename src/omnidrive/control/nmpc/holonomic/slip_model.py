@@ -21,8 +21,9 @@ _FRICTION_SHARE = 0.95
 """Usable part of the friction limit: the load shifts between the wheels."""
 _STEP_RATIO = 0.75
 """Length of an integration step over the shortest time constant."""
-_CORRECTIONS = 6
-"""Corrections of the commanded twist: each leaves about lag / dt of the error without slip."""
+CORRECTIONS = (6, 6)
+"""Corrections of the commanded twist, in translation and of the yaw rate: each leaves about
+lag / dt of the error without slip."""
 _SHORT_STEP = 2.0
 """Sample time over the longest lag up to which the command only compensates the lag: with a
 shorter sample time the commands that reach the desired twist within one step oscillate."""
@@ -117,7 +118,7 @@ class SlipModel(NamedTuple):
         Returns:
             The commanded twist, as near as the wheels allow; and the twist at the end of the step.
         """
-        commanded = compensate(self, _vector(desired), _vector(initial), float(dt))
+        commanded = compensate(self, _vector(desired), _vector(initial), float(dt), CORRECTIONS)
         _, final = slip_response(self, _vector(initial), commanded, float(dt))
         return BodyTwist(*commanded), BodyTwist(*final)
 
@@ -127,27 +128,38 @@ def _vector(twist: BodyTwist) -> Vector:
 
 
 @compiled
-def compensate(model: SlipModel, desired: Vector, initial: Vector, dt: float) -> Vector:
+def compensate(
+    model: SlipModel, desired: Vector, initial: Vector, dt: float, corrections: tuple[int, int]
+) -> Vector:
     """Return the commanded twist of :meth:`SlipModel.command`.
 
     It is found by corrections with the remaining error of the motion.
+
+    Args:
+        model: The model.
+        desired: Constant twist that leads to the desired pose.
+        initial: Twist at the start of the step.
+        dt: In s.
+        corrections: Their number, in translation and of the yaw rate; the latter is not larger.
     """
     commanded = desired
     tau = lags(model)
     if dt < _SHORT_STEP * max(tau[0], tau[1], tau[2]):
+        # of the centripetal acceleration; a lag alone is one of the body twist, see lag_response
+        rate = desired[2] if model.max_force < inf else 0.0
         commanded = (
-            desired[0] + tau[0] / dt * (desired[0] - initial[0]),
-            desired[1] + tau[1] / dt * (desired[1] - initial[1]),
-            desired[2] + tau[2] / dt * (desired[2] - initial[2]),
+            desired[0] + tau[0] * ((desired[0] - initial[0]) / dt - rate * desired[1]),
+            desired[1] + tau[1] * ((desired[1] - initial[1]) / dt + rate * desired[0]),
+            desired[2] + tau[2] * (desired[2] - initial[2]) / dt,
         )
         commanded = _saturate(model, commanded)
     else:
-        for _ in range(_CORRECTIONS):
+        for k in range(corrections[0]):
             mean, _ = slip_response(model, initial, commanded, dt)
             commanded = (
                 commanded[0] + desired[0] - mean[0],
                 commanded[1] + desired[1] - mean[1],
-                commanded[2] + desired[2] - mean[2],
+                commanded[2] + (desired[2] - mean[2] if k < corrections[1] else 0.0),
             )
             commanded = _saturate(model, commanded)
     if model.may_spin:

@@ -35,6 +35,7 @@ from omnidrive.control.nmpc.holonomic.motion_observer import (
 from omnidrive.control.nmpc.holonomic.pose_noise import NOISY
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.reached_acceleration import (
+    is_late,
     promptness,
     reached_share,
     update_reached,
@@ -43,10 +44,15 @@ from omnidrive.control.nmpc.holonomic.robot_model import (
     RobotModel,
     acceleration_load,
     drive_model,
-    fastest_wheel,
+    is_plausible,
     saturate,
 )
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, compensate, predict_change
+from omnidrive.control.nmpc.holonomic.slip_model import (
+    CORRECTIONS,
+    SlipModel,
+    compensate,
+    predict_change,
+)
 from omnidrive.control.nmpc.holonomic.solution import assess
 from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constraints
 from omnidrive.control.nmpc.holonomic.stage_point import overwrite
@@ -62,14 +68,16 @@ from omnidrive.robot.slip import Vector
 _MIN_GAP, _MAX_GAP = 0.5, 5.0
 """Sample times since the last step: up to the first the clock is wrong, and one sample time has
 passed; after the second the motion observer starts again."""
-_MAX_SPEEDING = 3.0
-"""Wheel speed, as a multiple of the maximum, above which an estimated twist is a fault."""
 _STANDING = 1e-9
 """Speed of a reference up to which it stands, m/s and rad/s."""
 _NEAR = 1e-6
 """Distance from a standing target up to which there is nothing to approach, m and rad."""
 _GENTLE = 0.3
 """Share of the limits of acceleration up to which the plan of least squares leads to the target."""
+
+_APPROACH_CORRECTIONS = (3, 2)
+"""As :data:`~.slip_model.CORRECTIONS`, in approaches: there wheels slip, and further
+corrections let them spin without driving the robot more."""
 
 
 class Measurement(NamedTuple):
@@ -102,7 +110,7 @@ def observe(
     robot: RobotModel, memory: MotionMemory, now: Measurement, dt: float, steady: bool
 ) -> None:
     """Update the motion observer; ``dt`` is the sample time in s."""
-    known = _is_plausible(robot, now.twist)
+    known = is_plausible(robot, now.twist)
     elapsed = dt if now.elapsed <= _MIN_GAP * dt else now.elapsed  # a wrong clock
     if not elapsed <= _MAX_GAP * dt:
         first = not isfinite(elapsed)  # before the first step, the robot is at rest
@@ -128,14 +136,6 @@ def observe(
     steady = steady and shares[0] <= STEADY_SATURATION
     memory.drive[LEAD] = memory.drive[LAG] if steady else 0.0
     memory.drive[YAW_LEAD] = memory.drive[YAW_LAG] if steady else 0.0
-
-
-@compiled
-def _is_plausible(robot: RobotModel, twist: Vector) -> bool:
-    """Return whether a twist is known, and not far beyond what the wheels reach: a fault."""
-    if not isfinite(twist[0] + twist[1] + twist[2]):
-        return False
-    return fastest_wheel(robot, twist) <= _MAX_SPEEDING * robot.max_wheel_speed
 
 
 @compiled
@@ -315,9 +315,18 @@ def solve_problem(p: HolonomicProblem, plan: Plan, tolerance: float, max_iterati
 
 @compiled
 def command_stage(  # noqa: PLR0917
-    robot: RobotModel, memory: MotionMemory, plan: Plan, stage: int, factor: float, dt: float
+    robot: RobotModel,
+    memory: MotionMemory,
+    plan: Plan,
+    stage: int,
+    factor: float,
+    dt: float,
+    approaches: bool,
 ) -> Vector:
     """Return the commanded twist that moves the robot as a stage of the plan, and remember it.
+
+    No wheel may spin where poses are noisy, or where the robot responds later than the model on a
+    moving reference: commands that make wheels spin would act when the robot shall not accelerate.
 
     Args:
         robot: The robot.
@@ -326,12 +335,14 @@ def command_stage(  # noqa: PLR0917
         stage: Index of the stage.
         factor: Of the planned twist.
         dt: Sample time, s.
+        approaches: Whether the plan approaches a standing target.
     """
     desired = _stage_twist(plan, stage, factor, dt)
     following = _stage_twist(plan, min(stage + 1, len(plan.velocities) - 1), factor, dt)
     _, initial, motors = predict_delayed(robot.model, memory, dt)
     model = robot.model
-    if model.may_spin and max(memory.noise[0], 0.0) > NOISY * NOISY:
+    noisy = max(memory.noise[0], 0.0) > NOISY * NOISY
+    if model.may_spin and (noisy or (is_late(memory) and not approaches)):
         model = SlipModel(
             model.rim_jacobian,
             model.inertia,
@@ -340,7 +351,8 @@ def command_stage(  # noqa: PLR0917
             model.max_rim_speed,
             False,
         )
-    effective = compensate(model, desired, initial, dt)
+    corrections = _APPROACH_CORRECTIONS if approaches else CORRECTIONS
+    effective = compensate(model, desired, initial, dt, corrections)
     mean = without_disturbance(robot.model, memory, effective)
     change = (
         0.5 * (following[0] - desired[0]),
