@@ -6,12 +6,20 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from omnidrive.errors import CannotWrite, InvalidInput
-from omnidrive.study import RunPlan, Scenario, StudyDefinition, load_definition, save_scenario
+from omnidrive.study import (
+    RunPlan,
+    Scenario,
+    StudyDefinition,
+    load_definition,
+    plan_at,
+    save_scenario,
+)
 from omnidrive.study.controller_file import load_controller
 from omnidrive.study.store import Store
 from omnidrive.tuning import (
@@ -26,7 +34,7 @@ from omnidrive.tuning import (
     write_tuning,
 )
 from omnidrive.tuning.run_sets import RunSets, check_apart, validation_set
-from omnidrive.tuning.tune import _shows_gain
+from omnidrive.tuning.tune import _shows_gain, _shows_loss
 from tests.command import omnidrive
 from tests.tuning.synthetic import record
 
@@ -157,6 +165,38 @@ def test_gain_that_validation_does_not_show_is_not_taken():
     assert not _shows_gain(runs([0.03, 0.03], 2), runs([0.01, 0.031], 2), objective)
 
 
+def test_loss_on_one_motion_is_not_outweighed():
+    objective = parse_objective("me")
+
+    def runs(circle, square):
+        values = {"circle": circle, "square": square}
+        return [
+            replace(record(k, repetition=k % 3, me=me), factors={"motion": name})
+            for k, (name, me) in enumerate((n, me) for n, each in values.items() for me in each)
+        ]
+
+    before = runs([0.030, 0.031, 0.032], [0.010, 0.011, 0.012])
+    after = runs([0.010, 0.0111, 0.0122], [0.014, 0.0151, 0.0159])
+    assert _shows_gain(before, after, objective)
+    assert _shows_loss(before, after, objective, ["motion"])
+    assert not _shows_loss(before, after, objective, [])
+    unclear = runs([0.010, 0.0111, 0.0122], [0.009, 0.0150, 0.0121])
+    assert not _shows_loss(before, unclear, objective, ["motion"])
+
+
+def test_trial_that_loses_on_one_motion_of_validation_is_not_chosen(tmp_path, monkeypatch):
+    seen = []
+
+    def shows_loss(before, after, objective, axes):
+        seen.append({each.factors["motion"] for each in after})
+        return True
+
+    monkeypatch.setattr(import_module("omnidrive.tuning.tune"), "_shows_loss", shows_loss)
+    assert tune(small(), tmp_path).chosen.number == 0
+    assert seen == [{"slow", "quick", "slalom", "raised-cosine"}] * len(seen)
+    assert seen
+
+
 def test_equal_budget_tunes_every_controller(tmp_path):
     definition = StudyDefinition.from_scenario(scenario())
     found = equal_budget(definition, 12, tmp_path)
@@ -216,6 +256,12 @@ def test_validation_has_robots_beyond_those_that_are_held_out():
         for each in (validation_set(training), held_out, training)
     ]
     assert max(frictions[0]) < min(frictions[1]) <= max(frictions[1]) < min(frictions[2])
+    (quick,) = {run.job.duration for run in RunPlan(validation_set(training))
+                if run.factors["motion"] == "quick"}  # fmt: skip
+    assert quick == pytest.approx(plan_at(training.scenario).shortest, abs=0.2)
+    step = {"step": {"displacement": [0.1, 0.0, 0.0], "duration": 2.0}}
+    (motion,) = validation_set(default_sets(scenario(tasks=step), "pid").training).axes
+    assert motion.labels == ("slow", "slalom", "raised-cosine")
     own = replace(training, random=held_out.random)
     assert validation_set(own).random == own.random
 

@@ -14,7 +14,7 @@ from omnidrive.evaluation.uncertainty import MeanEstimate
 from omnidrive.study.run_record import RunRecord
 from omnidrive.tuning.objective import Objective, metric_value
 
-BETTER = "better"
+BETTER, WORSE = "better", "worse"
 
 METRICS = ("me", "mae", "max_error", "wheel_acceleration", "step_time_median")
 """Metrics whose change on the held-out set is reported, besides the objectives."""
@@ -61,7 +61,7 @@ class Gain(NamedTuple):
         _, low, high = self.relative
         if high < 0.0 and low < -_NEGLIGIBLE:
             return BETTER
-        return "worse" if low > 0.0 and high > _NEGLIGIBLE else "no difference shown"
+        return WORSE if low > 0.0 and high > _NEGLIGIBLE else "no difference shown"
 
 
 class HeldOut(NamedTuple):

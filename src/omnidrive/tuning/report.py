@@ -38,7 +38,8 @@ def lead(result: TuningResult) -> str:
     if result.chosen.number == 0:
         return (
             f"No trial shows a gain over the values of {label} before tuning on other motions than "
-            f"those of training; these values are kept ({len(result.search.trials)} trials)."
+            "those of training, and on none of them a loss; these values are kept "
+            f"({len(result.search.trials)} trials)."
         )
     if not result.held_out.gains:
         return f"{label} is tuned, but no held-out run finished before and after tuning."

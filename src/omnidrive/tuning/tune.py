@@ -25,7 +25,7 @@ from omnidrive.study import (
 )
 from omnidrive.study.run_record import TIMING
 from omnidrive.study.store import Store
-from omnidrive.tuning.gain import BETTER, HeldOut, held_out_gain
+from omnidrive.tuning.gain import BETTER, WORSE, HeldOut, held_out_gain
 from omnidrive.tuning.objective import Objective
 from omnidrive.tuning.problem import (
     HELD_OUT_FILE,
@@ -231,24 +231,47 @@ class _Candidates:
 def _confirmed(tuning: Tuning, found: SearchResult, candidates: _Candidates) -> Trial:
     """Return the best of the best trials on the validation runs, or the first trial.
 
-    A trial is chosen only if it shows a gain over the values before tuning on these runs: the best
-    of many trials on few runs is partly luck, or fits their motion alone.
+    A trial is chosen only if it shows a gain over the values before tuning on these runs, and on
+    none of their motions a loss: the best of many trials on few runs is partly luck, or fits their
+    motion alone, and a gain on one motion does not outweigh a loss on another.
     """
     first = found.trials[0]
     ordered = sorted(found.trials, key=lambda each: each.score.order)
     chosen = [first, *(each for each in ordered[:_CONFIRMED] if each is not first)]
     made = [tuning.space.controller_with(each.values) for each in chosen]
     valid = [(trial, each) for trial, each in zip(chosen, made, strict=True) if each is not None]
-    runs = candidates.on(validation_set(tuning.sets.training), [each for _, each in valid])
+    validation, objective = validation_set(tuning.sets.training), tuning.objectives[0]
+    axes = [each.name for each in validation.axes]
+    runs = candidates.on(validation, [each for _, each in valid])
     scores = [score_of(each, tuning.objectives, tuning.limits) for each in runs]
     for k in sorted(range(1, len(valid)), key=lambda k: scores[k].order):
         if scores[0].violation > scores[k].violation:
             return valid[k][0]
         if scores[k].violation > scores[0].violation:
             continue
-        if _shows_gain(runs[0], runs[k], tuning.objectives[0]):
+        if _shows_loss(runs[0], runs[k], objective, axes):
+            continue
+        if _shows_gain(runs[0], runs[k], objective):
             return valid[k][0]
     return first
+
+
+def _shows_loss(
+    before: Sequence[RunRecord],
+    after: Sequence[RunRecord],
+    objective: Objective,
+    axes: Sequence[str],
+) -> bool:
+    """Return whether an interval shows a loss at any values of the axes."""
+    for values in {tuple(each.factors[name] for name in axes) for each in after}:
+        there = [
+            [each for each in runs if tuple(each.factors[name] for name in axes) == values]
+            for runs in (before, after)
+        ]
+        gains = held_out_gain(there[0], there[1], [objective]).gains
+        if gains and gains[0].verdict == WORSE:
+            return True
+    return False
 
 
 def _shows_gain(
