@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from omnidrive.estimation.drive_memory import DRIVE_UNITS, logged_drive
+from omnidrive.estimation.drive_estimate import DRIVE_UNITS, logged_drive
 from omnidrive.evaluation import study_tables
 
 FOUND = (0.95, 1.0, 0.9, 0.08, 0.05, 0.07, 0.01, 0.07, 0.02, 0.002, 0.014, 0.004, 0.005)

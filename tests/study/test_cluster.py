@@ -2,8 +2,9 @@
 
 import os
 import signal
+import socket
 import warnings
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from threading import Thread
 from time import monotonic, sleep
@@ -82,6 +83,33 @@ def test_scheduler_that_does_not_answer_is_reported(monkeypatch):
         ClusterPool("tcp://127.0.0.1:9", int)
     with pytest.raises(InvalidInput, match=r"no Dask scheduler answers at nonsense"):
         ClusterPool("nonsense://", int)
+
+
+@pytest.mark.parametrize(
+    ("answer", "reason"),
+    [
+        (b"", "it accepts connections, but does not answer"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "what answers is no scheduler"),
+    ],
+)
+def test_program_that_is_no_scheduler_is_reported(monkeypatch, answer, reason):
+    """A client of Dask waits for ever for the first, and allocates 3 EiB for the second."""
+    monkeypatch.setattr(cluster, "_ANSWER_TIME", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve():
+            with suppress(OSError):  # the end of the test
+                while True:
+                    connection, _ = server.accept()
+                    present.append(connection)
+                    connection.sendall(answer)
+
+        present = []
+        Thread(target=serve, daemon=True).start()
+        with pytest.raises(InvalidInput, match=reason):
+            ClusterPool(f"tcp://127.0.0.1:{server.getsockname()[1]}", int)
+    for each in present:
+        each.close()
 
 
 def test_missing_extra_is_reported(monkeypatch):

@@ -95,6 +95,12 @@ def test_parameters_of_a_preset_have_paths_and_multiples():
     assert "did you mean 'controllers.fuzzy_t1.position.k" in text
 
 
+def test_all_problems_of_fixed_settings_are_named_at_once():
+    text = problems(set={"sampletime": 0.1, "plnt": "planar", "sample_time": 5.0, "seed": -1})
+    for fact in ("'sampletime'", "'plnt'", "sample_time is 5 s", "seed is -1"):
+        assert fact in text
+
+
 def test_cases_set_several_settings_together():
     cases = {"near": {"goal": [5, 6], "sample_time": 0.05}, "far": {"goal": [8, 6]}}
     plan = RunPlan(study(axes={"route": {"cases": cases}}, set={"controllers": ["pid"]}))

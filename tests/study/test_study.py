@@ -8,6 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from omnidrive.errors import CannotWrite, InvalidReference
+from omnidrive.estimation.drive_estimate import DRIVE_UNITS
 from omnidrive.evaluation import write_figures
 from omnidrive.study import load_scenario, paper_scenario, run_study, study_tasks
 from omnidrive.study.jobs import jobs_of
@@ -110,7 +111,7 @@ def test_time_series_contain_gains_and_solver_details(folder):
     distance = np.hypot(*(target[:, 1:] - measured[:, :-1]))
     assert s["error_input_position"][:-1] == pytest.approx(0.5 * distance)
     nmpc = pq.read_table(folder / "series" / "track-holonomic-nmpc-20s.parquet")
-    assert nmpc.column_names[-14:] == [
+    assert nmpc.column_names[-14 - len(DRIVE_UNITS) :] == [
         "step_time",
         "saturated",
         *(f"wheel_speed_{i}" for i in range(4)),
@@ -120,6 +121,7 @@ def test_time_series_contain_gains_and_solver_details(folder):
         *(f"disturbance_{axis}" for axis in ("vx", "vy", "yaw_rate")),
         "pose_noise",
         "reference_delay",
+        *DRIVE_UNITS,
     ]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from omnidrive.estimation.drive_memory import DriveEstimate, logged_drive
+from omnidrive.estimation.drive_estimate import DriveEstimate, logged_drive
 from omnidrive.evaluation.results import StudyResults
 from omnidrive.evaluation.table import NO_VALUE, Table, number_text
 

@@ -240,9 +240,9 @@ def _axis_table(study: StudyEvidence, answers: Sequence[TaskAnswer], path: str) 
         f"By {path}",
         ("task", path, "quantity", *controllers, "best"),
         shown,
-        f"Mean over the repetitions{_interval_note(shown)}; other axes are averaged. Best: several "
-        "if no difference between them is shown, a dash if none is shown at all (Holm-corrected "
-        "over all pairs and values)."
+        f"Mean over the repetitions{_interval_note(shown)}; other axes are averaged. Best: by the "
+        "differences of runs that both have; several if no difference between them is shown, a "
+        "dash if none is shown at all (Holm-corrected over all pairs and values)."
         + (" In parentheses: success rate, if a run failed." if lost else ""),
         keys=3,
     )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import pickle
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import version
@@ -17,7 +19,7 @@ from omnidrive.errors import InvalidInput, MissingExtra, WorkerLost, one_line
 from omnidrive.study.run_key import VERSIONS
 from omnidrive.study.worker_pool import Call, Ended, Lost
 
-_ANSWER_TIME = 10  # s in which a scheduler must answer
+_ANSWER_TIME = 10.0  # s in which a scheduler must answer
 _QUEUED = 2  # calls per worker, so that none waits for the network
 
 _set_up: list[str] = []  # hash of the setup of this process, a worker
@@ -51,13 +53,16 @@ class ClusterPool:
         self._setup = cloudpickle.dumps(setup)
         self._calls: dict[Any, Call] = {}
         try:
+            with ThreadPoolExecutor(1) as threads:  # this one may have an event loop, as in Jupyter
+                threads.submit(asyncio.run, _ask(self._dask, address)).result()
             self._client = self._dask.Client(
                 address, timeout=_ANSWER_TIME, set_as_default=False, name="omnidrive"
             )
         except (OSError, ValueError, TypeError) as error:
+            reason = one_line(str(error), 120) or "it accepts connections, but does not answer"
             raise InvalidInput(
-                f"no Dask scheduler answers at {self._address} in {_ANSWER_TIME} s "
-                f"({one_line(str(error), 120)}); start one with: dask scheduler"
+                f"no Dask scheduler answers at {self._address} in {_ANSWER_TIME:g} s ({reason}); "
+                "start one with: dask scheduler"
             ) from None
 
     def __enter__(self) -> ClusterPool:
@@ -131,6 +136,31 @@ class ClusterPool:
         if error is not None:
             raise error
         return Ended(call, pickle.loads(future.result()))
+
+
+async def _ask(dask: Any, address: str) -> None:
+    """Ask for the identity of a scheduler; a client waits for ever if a program does not answer.
+
+    Raises:
+        OSError: Nothing answers in time, or it is no scheduler.
+        ValueError: The address is invalid.
+    """
+    options = dask.Security().get_connection_args("client")
+
+    async def identity() -> Any:
+        """Return what answers."""
+        comm = await dask.core.connect(address, timeout=_ANSWER_TIME, **options)
+        try:
+            return await dask.core.send_recv(comm, op="identity", reply=True)
+        finally:
+            comm.abort()
+
+    try:
+        found = await asyncio.wait_for(identity(), _ANSWER_TIME)
+    except MemoryError:  # the length of a message, read from one of another protocol
+        found = None
+    if not isinstance(found, dict) or found.get("type") != "Scheduler":
+        raise OSError("what answers is no scheduler")
 
 
 def _versions() -> dict[str, str]:

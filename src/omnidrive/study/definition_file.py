@@ -195,18 +195,26 @@ def _with_fixed(
 ) -> Scenario:
     """Return the scenario with fixed settings; file names of the study file are beside it."""
     data = scenario_data(scenario)
-    settings = []
+    settings: list[Setting] = []
+    problems: list[str] = []
     for path, value in fixed.items():
-        keys = find_keys(data, path, addable=True)
+        try:
+            keys = find_keys(data, path, addable=True)
+        except InvalidStudy as error:
+            problems.append(str(error))
+            continue
         value = relocated(value, keys, move) if path in of_file else value  # noqa: PLW2901
         settings.append(Setting(keys, value))
-    if not settings:
-        return scenario
-    changed = variant_data(data, settings)
+    found = scenario
     try:
-        return variant_of(scenario, changed, changed_sections(settings), allow_code=allow_code)
+        if settings:
+            changed, sections = variant_data(data, settings), changed_sections(settings)
+            found = variant_of(scenario, changed, sections, allow_code=allow_code)
     except ValidationError as error:
-        raise InvalidStudy(listed(problems_of(error))) from None
+        problems += problems_of(error)
+    if problems:
+        raise InvalidStudy(listed(problems))
+    return found
 
 
 class _Dumper(yaml.SafeDumper):
