@@ -138,7 +138,7 @@ def test_plan_and_run(tmp_path):
 
 def test_run_saves_the_robot_with_the_drive_that_it_identified(tmp_path):
     common = ("run", "--plant", "kinematic", "--save-robot", "learned.yaml")
-    ran = omnidrive(*common, "--controller", "holonomic-nmpc,adapt=true", cwd=tmp_path)
+    ran = omnidrive(*common, "--controller", "holonomic-nmpc", cwd=tmp_path)
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.splitlines()[-1].startswith("robot: learned.yaml")
     text = (tmp_path / "learned.yaml").read_text()

@@ -8,6 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from omnidrive.deploy import DriveControls
+from omnidrive.evaluation.metrics import heading_error
 from tests.command import omnidrive
 from tests.deploy.test_drive_log import held_and_armed, logged
 
@@ -45,6 +46,9 @@ def test_show_prints_json(folder):
     assert data["samples"] == result.log.samples
     error = np.hypot(*(result.run.pose - result.run.target)[:, :2].T)
     assert data["me_m"] == pytest.approx(error.mean())
+    turn = heading_error(result.run.pose, result.run.target)
+    assert turn.min() < 0.0 < turn.max()
+    assert data["mae_rad"] == pytest.approx(np.abs(turn).mean())
 
 
 def test_table_has_the_columns_of_a_run_folder(folder):

@@ -7,13 +7,17 @@ import numpy as np
 import pytest
 
 from omnidrive import Pose
+from omnidrive.control import Pipeline
 from omnidrive.control.controller import STOP
+from omnidrive.deploy.clock import SimulatedClock
 from omnidrive.deploy.command_gate import RAMP_TIME
 from omnidrive.deploy.controls import DriveControls
+from omnidrive.deploy.drive import drive
 from omnidrive.deploy.drive_loop import MAX_AGE
 from omnidrive.deploy.drive_state import DriveState
 from omnidrive.deploy.latest_readings import MAX_AHEAD
-from tests.deploy.simulated_drive import DT, circle, driven, link
+from omnidrive.estimation import LatestFix
+from tests.deploy.simulated_drive import DT, START, circle, controller, driven, link
 
 BEGIN, END, ARMED, DURATION = 1.0, 2.0, 2.6, 3.0  # s
 
@@ -184,3 +188,31 @@ def test_a_link_that_knows_the_cause_is_quoted():
     made.on_read.append(end)
     result = driven(made, circle(DURATION), controls)
     assert result.changes[2].reason.endswith("more than 0.5 s: the cable is loose")
+
+
+def test_fixes_that_the_estimator_refuses_are_named():
+    class Refusing(LatestFix):
+        def update(self, readings):
+            state = super().update(readings)
+            return state._replace(fix_age=max(state.fix_age, state.stamp - BEGIN))
+
+    made = limited(link(), 2.0)
+    result = drive(
+        made,
+        Pipeline(controller(), Refusing()),
+        circle(),
+        rate=1.0 / DT,
+        start=START,
+        clock=SimulatedClock(),
+    )
+    held = result.changes[2]
+    assert held.state is DriveState.HOLDING
+    assert held.reason.startswith(OLD)
+    assert held.reason.endswith(": newer ones arrive, but the estimator does not use them")
+
+
+def test_without_newer_fixes_the_estimator_is_not_blamed():
+    made = limited(link(), 2.0)
+    made.on_read.append(lambda made, r: r if made._clock.now() < BEGIN else r._replace(fixes=()))
+    held = driven(made).changes[2]
+    assert held.reason.endswith("more than 0.5 s")

@@ -16,6 +16,7 @@ from omnidrive.deploy.drive import drive
 from omnidrive.deploy.drive_folder import save_drive
 from omnidrive.deploy.links.simulated import SimulatedLink, SimulatedRobot
 from omnidrive.deploy.scenario_files import attached_inputs
+from tests.command import omnidrive
 
 RATE = 10.0
 
@@ -113,3 +114,15 @@ def test_notebooks_show_drive_and_run(result, planned):
     assert not idle.ran
     assert "never begun" in idle._repr_html_()
     assert len(result.plot().axes) == 3
+
+
+def test_a_robot_that_cannot_be_reached_leaves_the_folder_free(tmp_path):
+    """The command can be repeated with the same folder."""
+    words = ["drive", "--reference", "circle,radius=0.5", "--robot", "small", "--estimator"]
+    words += ["--controller", "feedforward", "--link", "wheels,address=/dev/missing@115200"]
+    done = omnidrive(*words, "--arm", "--out", "folder", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "the serial port /dev/missing cannot be opened" in done.stderr
+    assert list((tmp_path / "folder").iterdir()) == []
+    assert omnidrive(*words, "--arm", cwd=tmp_path).returncode == 2
+    assert list((tmp_path / "runs").iterdir()) == []

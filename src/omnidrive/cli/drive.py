@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +15,7 @@ from omnidrive.cli.components import ControllerOption, chosen_component, one_run
 from omnidrive.cli.options import FolderOption, default_folder, flag, option
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude, show, warn
-from omnidrive.errors import RunFailed
+from omnidrive.errors import OmnidriveError, RunFailed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from omnidrive.deploy.robot_link import RobotLink
 
 _PANEL = "Robot"
+_LOG = "log.mcap"
 
 
 @with_options()
@@ -78,7 +79,7 @@ def drive(
         out or default_folder(f"{scenario.name}-{label}-drive"), numbered=out is None
     )
     controls = DriveControls(arm=arm)
-    with _keys(controls, armed=arm):
+    with _keys(controls, armed=arm), _emptied_unless_begun(folder, remove=out is None):
         planned, result = _drive(planned, controls, chosen, folder, cpu=cpu)
     _print(result)
     if result.ran:
@@ -126,9 +127,9 @@ def _drive(
     (label,) = planned.scenario.controllers
     log = None
     if find_spec("mcap") is None:
-        show("no log: it needs the extra mcap")
+        show("no log: it needs the extra mcap: pip install 'omnidrive[mcap]'")
     else:
-        log = DriveLog(folder.path / "log.mcap", attached_inputs(folder))
+        log = DriveLog(folder.path / _LOG, attached_inputs(folder))
     result = drive_robot(
         link,
         scenario_pipeline(planned, label),
@@ -142,6 +143,26 @@ def _drive(
     if isinstance(link, ReportingLink):
         show(link.report)
     return planned, result
+
+
+@contextmanager
+def _emptied_unless_begun(folder: study.RunFolder, *, remove: bool) -> Iterator[None]:
+    """Empty a new run folder if the drive does not begin, so that the command can be repeated.
+
+    Args:
+        folder: The run folder, which holds nothing but the inputs before the drive begins.
+        remove: Whether to remove the folder, too.
+    """
+    try:
+        yield
+    except OmnidriveError:
+        if not (folder.path / _LOG).exists():
+            with suppress(OSError):
+                for each in folder.path.iterdir():
+                    each.unlink()
+                if remove:
+                    folder.path.rmdir()
+        raise
 
 
 @contextmanager

@@ -133,7 +133,7 @@ def _errors(run: Run) -> dict[str, float]:
     distance = position_error(run.pose, run.target)
     return {
         "me_m": float(distance.mean()),
-        "mae_rad": float(heading_error(run.pose, run.target).mean()),
+        "mae_rad": float(abs(heading_error(run.pose, run.target)).mean()),
         "max_error_m": float(distance.max()),
     }
 

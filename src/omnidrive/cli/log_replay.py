@@ -50,7 +50,8 @@ def replay(
     """Compute what a controller would have commanded, from the readings of a log.
 
     Estimator and supervisor are those of the log. With the same controller and the same version of
-    omnidrive, the commands are those of the log bit for bit.
+    omnidrive, the commands are those of the log bit for bit; for logs of `omnidrive ros2 drive`,
+    which hold the reference as a table, up to its interpolation.
 
     For example:
 

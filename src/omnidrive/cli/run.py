@@ -33,8 +33,7 @@ _SaveRobotOption = Annotated[
     Path | None,
     option(
         "FILE.yaml",
-        "Robot file with the drive that the controller identified, as with "
-        "--controller holonomic-nmpc,adapt=true.",
+        "Robot file with the drive that the controller identified, as holonomic-nmpc does.",
         RESULTS_PANEL,
         "--save-robot",
     ),
@@ -74,7 +73,7 @@ def run(
     * `omnidrive run --task noise --estimator`
     * `omnidrive run --fault wheel-dead:wheel=2,at=5`
     * `omnidrive run --video run.gif`
-    * `omnidrive run --controller holonomic-nmpc,adapt=true --save-robot learned.yaml`
+    * `omnidrive run --controller holonomic-nmpc --save-robot learned.yaml`
     """
     from omnidrive.cli.progress import LiveProgress, save_film
     from omnidrive.cli.study_results import print_results
@@ -109,7 +108,7 @@ def _save_drive(done: study.Study, scenario: study.Scenario, file: Path) -> str:
     Raises:
         InvalidInput: The run identified none.
     """
-    from omnidrive.estimation.drive_memory import identified_robot, logged_drive
+    from omnidrive.estimation.drive_estimate import identified_robot, logged_drive
     from omnidrive.robot import save_robot
     from omnidrive.study.scenario_sections import robot_of
 
@@ -118,7 +117,7 @@ def _save_drive(done: study.Study, scenario: study.Scenario, file: Path) -> str:
     if found is None:
         raise InvalidInput(
             f"{result.controller} identifies no drive, so that there is no robot to save; use "
-            "--controller holonomic-nmpc,adapt=true"
+            "--controller holonomic-nmpc"
         )
     names = ("x", "y", "yaw", "lag")
     kept = [name for name, excited in zip(names, found.excited, strict=True) if not excited]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from math import floor, isfinite, nan
+from math import floor, inf, isfinite, nan
 
 from omnidrive.control import CommandValue, Pipeline, PipelineStep
 from omnidrive.control.controller import STOP
@@ -23,7 +23,7 @@ from omnidrive.deploy.loop_timing import LoopTiming
 from omnidrive.deploy.pose_jump import PoseJump
 from omnidrive.deploy.robot_link import ExplainingLink, LinkLost, RobotLink
 from omnidrive.errors import one_line
-from omnidrive.estimation import SensorReadings
+from omnidrive.estimation import PoseFix, SensorReadings
 from omnidrive.estimation.plausibility import usable_fix
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.simulation import Outcome, PlantState
@@ -73,6 +73,8 @@ class DriveLoop:
     _readings: LatestReadings = field(default_factory=LatestReadings, init=False)
     _begin: float = field(default=0.0, init=False)
     """Time of the first sample on the clock, s."""
+    _fixed: float = field(default=-inf, init=False)
+    """Stamp of the newest pose fix that arrived and can be used, s on the clock."""
     _pose: Pose | None = field(default=None, init=False)
     """Last estimated pose."""
     _jump: PoseJump = field(init=False)
@@ -172,6 +174,9 @@ class DriveLoop:
         """Read at the time ``began``, decide on the state of the sample of ``now`` and command."""
         read = self.link.read()
         self._readings.take(read, now, began)
+        fix = self._usable_fix(now)
+        if fix is not None:
+            self._fixed = max(self._fixed, fix.stamp)
         self._sample = self._sample._replace(read=read)
         self.controls.poll()
         controls, state = self.controls, self.machine.state
@@ -194,7 +199,7 @@ class DriveLoop:
     def _try_to_start(self, number: int, now: float) -> None:
         """Begin to run if the pose is known, at rest at it."""
         pose = self._known_pose() if self.progress.done > 0.0 else self.start
-        fix = self._readings.fix and usable_fix(self._readings.fix, now + MAX_AHEAD)
+        fix = self._usable_fix(now)
         if pose is None and fix is not None and now - fix.stamp <= MAX_AGE:
             pose = fix.pose
         if pose is None or not abs(now - self._readings.stamp) <= MAX_AGE:
@@ -211,6 +216,10 @@ class DriveLoop:
         if self.sink is not None:
             self.sink.add(Segment(number, pose, self.progress.done, self.progress.log_time(0.0)))
         self._change(number, DriveState.RUNNING, "the pose is known: " + _text(pose))
+
+    def _usable_fix(self, now: float) -> PoseFix | None:
+        """Return the last pose fix that arrived with the sample of ``now``, if it is usable."""
+        return self._readings.fix and usable_fix(self._readings.fix, now + MAX_AHEAD)
 
     def _known_pose(self) -> Pose | None:
         """Return the pose after the robot was held, if the link measures no pose.
@@ -272,6 +281,8 @@ class DriveLoop:
         else:
             return ""
         cause = self.link.fault if isinstance(self.link, ExplainingLink) else ""
+        if not cause and not self._is_silent(now) and now - self._fixed <= MAX_AGE:
+            cause = "newer ones arrive, but the estimator does not use them"
         return f"{old}, more than {MAX_AGE:g} s" + (f": {one_line(cause)}" if cause else "")
 
     def _is_silent(self, now: float) -> bool:

@@ -38,7 +38,8 @@ def identification_log(logged: LoggedDrive) -> RobotLog:
         best = max(best, stretch, key=len)
     if len(best) < 3:
         raise InvalidLog(
-            "the log has no samples with commands and measured poses one after another"
+            "the log has no samples with commands and measured poses one after another: drive at "
+            "the rate of the pose fixes, or a lower one (--rate)"
         )
     return _robot_log(best, logged.robot, logged.dt)
 

@@ -8,6 +8,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+from pydantic import ValidationError
 
 from omnidrive.components import configure, parse_specification
 from omnidrive.control import Controller, Pipeline
@@ -23,6 +24,7 @@ from omnidrive.files.yaml_file import read_yaml
 from omnidrive.geometry import Pose, check_heading
 from omnidrive.parameter import Bounds, check_bounds, check_number
 from omnidrive.robot import Robot, named_robot
+from omnidrive.study.scenario_file import listed, problems_of
 
 _EVERY_NODE = "/**"
 _SPEEDS = Bounds(0.001, 100.0, "m/s")
@@ -138,7 +140,11 @@ class DriveSettings:
         """
         given = parse_specification(self.controller)
         context = ControllerContext(robot, 1.0 / self.rate, np.random.default_rng(0))
-        chosen = configure("controllers", given.type, given.values, allow_code=allow_code)
+        try:
+            chosen = configure("controllers", given.type, given.values, allow_code=allow_code)
+        except ValidationError as error:
+            problems = listed(problems_of(error))
+            raise InvalidInput(f"the controller {given.type}: {problems}") from None
         controller: Controller = chosen.make(context)
         check_controller(controller, 1.0 / self.rate)
         return ReportedPipeline(controller, reports=reports)
