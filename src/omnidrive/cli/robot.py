@@ -94,6 +94,14 @@ def import_(
         float | None,
         option("M", "Radius of the wheels, m [default: that in FILE]."),
     ] = None,
+    mecanum: Annotated[
+        bool,
+        typer.Option(
+            "--mecanum",
+            help="The wheels in URDF and MJCF are mecanum wheels with rollers at 45 degrees "
+            "[default: by rollers, axles and names].",
+        ),
+    ] = False,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -115,19 +123,22 @@ def import_(
 
     if out is not None:
         check_robot_file(out, force=force)
-    found = import_robot(file, format=format, wheels=wheel or (), wheel_radius=wheel_radius)
+    found = import_robot(
+        file, format=format, wheels=wheel or (), wheel_radius=wheel_radius, mecanum=mecanum
+    )
     parts = {"read": found.read, "guessed": found.guessed, "missing": found.missing}
     if json:
-        print_json(parts)
+        print_json(parts | {"warnings": found.warnings})
     else:
         for name, facts in parts.items():
             for fact in facts:
                 print_line(f"{name:<9}{fact}")
-    for warning in RobotSummary.of(found.robot).warnings:
+    for warning in (*found.warnings, *RobotSummary.of(found.robot).warnings):
         warn(warning)
     if out is not None:
         notes = [f"Imported from {file.name}."]
         notes += [f"{name}: {fact}" for name in ("guessed", "missing") for fact in parts[name]]
+        notes += [f"warning: {fact}" for fact in found.warnings]
         save_robot(found.robot, out, notes=notes)
         text = f"written to {out}; check it by: omnidrive robot show {out}"
         conclude(text, beside_json=json)

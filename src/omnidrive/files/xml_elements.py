@@ -54,6 +54,13 @@ class Element:
         self.position = position
         self.malformed = malformed
 
+    def walk(self) -> Iterator[Element]:
+        """Yield the element and all elements in it."""
+        queue = [self]
+        for each in queue:  # it grows
+            yield each
+            queue += each.children
+
     def all(self, *tags: str) -> Iterator[Element]:
         """Yield the children with one of the tags."""
         return (each for each in self.children if each.tag in tags)

@@ -18,6 +18,13 @@ def malformed(position: Position, what: str) -> InvalidRobot:
     return InvalidRobot(f"line {position.line}, column {position.column}: {what}")
 
 
+def words(root: Element) -> str:
+    """Return the texts and the values of all attributes of a description, one per line."""
+    return "\n".join(
+        text for each in root.walk() for text in (each.text, *each.attributes.values())
+    )
+
+
 def numbers(
     element: Element, name: str, count: int, default: tuple[float, ...] | None = None
 ) -> Float[Array, " count"]:

@@ -35,6 +35,7 @@ def import_robot(
     format: str | None = None,
     wheels: Sequence[str] = (),
     wheel_radius: float | None = None,
+    mecanum: bool = False,
 ) -> ImportedRobot:
     """Return the robot that a URDF, an MJCF or a ros2_control parameter file describes.
 
@@ -43,6 +44,8 @@ def import_robot(
         format: One of :data:`FORMATS`; None: by suffix and content.
         wheels: Names of the wheel joints in URDF and MJCF; empty: found by axis and name.
         wheel_radius: Radius of the wheels, m; None: that in the file.
+        mecanum: Whether wheels without rollers in URDF and MJCF are mecanum wheels with rollers at
+            45 degrees; False: concluded from their axles and from names.
 
     Raises:
         InvalidInput: There is no such format.
@@ -57,7 +60,7 @@ def import_robot(
     is_yaml = path.suffix.lower() in {".yaml", ".yml"}
     kind = format or ("ros2_control" if is_yaml else None)
     try:
-        draft = _draft(path, kind, wheels, wheel_radius)
+        draft = _draft(path, kind, wheels, wheel_radius, mecanum)
         if wheel_radius is not None and kind == "ros2_control":
             draft.radius = wheel_radius
         imported = draft.finish()
@@ -71,11 +74,17 @@ def import_robot(
 
 
 def _draft(
-    path: Path, kind: str | None, wheels: Sequence[str], wheel_radius: float | None
+    path: Path,
+    kind: str | None,
+    wheels: Sequence[str],
+    wheel_radius: float | None,
+    mecanum: bool,
 ) -> RobotDraft:
     if kind == "ros2_control":
         if wheels:
             raise InvalidRobot("--wheel is for URDF and MJCF; the controller names its wheels")
+        if mecanum:
+            raise InvalidRobot("--mecanum is for URDF and MJCF; the controller states its wheels")
         data = read_yaml(path, "parameter file", InvalidRobot)
         if isinstance(data, dict) and data.get("format") == ROBOT_FORMAT:
             name = one_line(str(path))
@@ -89,7 +98,7 @@ def _draft(
             )
         kind = _ROOTS[root.tag]
     read = read_urdf if kind == "urdf" else read_mjcf
-    return read(root).draft(wheels, wheel_radius)
+    return read(root).draft(wheels, wheel_radius, mecanum=mecanum)
 
 
 def _xml(path: Path) -> Element:

@@ -16,8 +16,9 @@ from omnidrive.robot.imports.attributes import (
     number,
     numbers,
     positive_or_zero,
+    words,
 )
-from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Shape
+from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Motion, Shape
 from omnidrive.robot.imports.rotations import Matrix, Vector, about, from_quaternion, from_z
 
 _MACROS = {"include", "replicate", "composite", "flexcomp", "attach"}
@@ -61,7 +62,12 @@ class _Reader:
         for group in self.root.all("actuator"):
             for actuator in group.children:
                 self._add_actuator(actuator)
-        return Mechanism(self.root.attributes.get("model", "robot")[:64], self.bodies, self.joints)
+        return Mechanism(
+            self.root.attributes.get("model", "robot")[:64],
+            self.bodies,
+            self.joints,
+            words(self.root),
+        )
 
     def _add_defaults(
         self, element: Element, inherited: dict[str, dict[str, str]], name: str
@@ -129,14 +135,20 @@ class _Reader:
         body.yaw_inertia = float(up @ tensor @ up)
 
     def _add_joint(self, element: Element, index: int, rotation: Matrix, position: Vector) -> None:
-        if element.attributes.get("type", "hinge") != "hinge":
-            return
+        kind = element.attributes.get("type", "hinge")
         axis = direction(element, "axis", (0.0, 0.0, 1.0))
+        name = element.attributes.get("name", f"joint{len(self.joints)}")
+        if index > 0:
+            along = rotation @ axis if kind in {"hinge", "slide"} else None
+            limited = "range" in element.attributes
+            self.bodies[index].motions.append(Motion(name, along, kind == "hinge", limited))
+        if kind != "hinge":
+            return
         point = position + rotation @ numbers(element, "pos", 3, (0.0, 0.0, 0.0))
         armature = number(element, "armature", 0.0)
         self.joints.append(
             Joint(
-                element.attributes.get("name", f"joint{len(self.joints)}"),
+                name,
                 index,
                 rotation @ axis,
                 point,

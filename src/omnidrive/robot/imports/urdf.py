@@ -11,11 +11,13 @@ from omnidrive.robot.imports.attributes import (
     number,
     numbers,
     positive_or_zero,
+    words,
 )
-from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Shape
+from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Motion, Shape
 from omnidrive.robot.imports.rotations import Matrix, Vector, about
 
 _HINGES = {"continuous", "revolute"}
+_LOCKED = 1e-6  # rad or m; range of a locked joint
 _JOINTS = _HINGES | {"fixed", "prismatic", "floating", "planar"}
 
 
@@ -52,7 +54,7 @@ def read_urdf(root: Element) -> Mechanism:
         for joint in children.get(bodies[index].name, []):
             bodies.append(_child(joint, index, links, bodies, hinges))
             queue.append(len(bodies) - 1)
-    return Mechanism(root.attributes.get("name", "robot")[:64], bodies, hinges)
+    return Mechanism(root.attributes.get("name", "robot")[:64], bodies, hinges, words(root))
 
 
 def _child(
@@ -66,21 +68,36 @@ def _child(
     parent = bodies[index]
     rotation, position = _origin(joint)
     rotation, position = parent.rotation @ rotation, parent.position + parent.rotation @ position
-    name = joint.one("child").get("link")
-    if joint.get("type") in _HINGES:
-        axis, limit = joint.first("axis"), joint.first("limit")
+    name, kind = joint.one("child").get("link"), joint.get("type")
+    axis, limit = joint.first("axis"), joint.first("limit")
+    along = rotation @ (direction(axis, "xyz") if axis else np.array([1.0, 0.0, 0.0]))
+    body = _body(links[name], name, index, rotation, position)
+    if kind in _HINGES | {"prismatic"}:
+        limited = kind != "continuous"
+        if not (limited and limit and _is_locked(limit)):
+            body.motions.append(Motion(joint.get("name"), along, kind in _HINGES, limited))
+    elif kind != "fixed":
+        body.motions.append(Motion(joint.get("name")))
+    if kind in _HINGES:
         hinges.append(
             Joint(
                 joint.get("name"),
                 len(bodies),
-                rotation @ (direction(axis, "xyz") if axis else np.array([1.0, 0.0, 0.0])),
+                along,
                 position,
                 number(limit, "velocity", 0.0) or None if limit else None,
                 number(limit, "effort", 0.0) or None if limit else None,
-                turns_freely=joint.get("type") == "continuous",
+                turns_freely=kind == "continuous",
             )
         )
-    return _body(links[name], name, index, rotation, position)
+    return body
+
+
+def _is_locked(limit: Element) -> bool:
+    """Return whether equal limits are given, which lock a joint."""
+    given = {"lower", "upper"} & limit.attributes.keys()
+    lower, upper = number(limit, "lower", 0.0), number(limit, "upper", 0.0)
+    return bool(given) and abs(upper - lower) < _LOCKED
 
 
 def _body(link: Element, name: str, parent: int, rotation: Matrix, position: Vector) -> Body:
