@@ -18,6 +18,7 @@ from omnidrive.robot.imports.draft import ImportedRobot, RobotDraft
 from omnidrive.robot.imports.mjcf import read_mjcf
 from omnidrive.robot.imports.ros2_control import read_ros2_control
 from omnidrive.robot.imports.urdf import read_urdf
+from omnidrive.robot.imports.xacro import refuse_xacro
 from omnidrive.robot.robot_file import FORMAT as ROBOT_FORMAT
 
 FORMATS: tuple[RobotFormat, ...] = get_args(RobotFormat)
@@ -91,6 +92,7 @@ def _draft(
             raise InvalidRobot(f"{name} is a robot file already; use --robot {name}")
         return read_ros2_control(data)
     root = _xml(path)
+    refuse_xacro(root, path.name)
     if kind is None:
         if root.tag not in _ROOTS:
             raise InvalidRobot(

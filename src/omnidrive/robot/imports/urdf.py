@@ -15,8 +15,19 @@ from omnidrive.robot.imports.attributes import (
 )
 from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Motion, Shape
 from omnidrive.robot.imports.rotations import Matrix, Vector, about
+from omnidrive.robot.imports.wheel_mounts import listed
 
 _HINGES = {"continuous", "revolute"}
+_ROOT_TAGS = {
+    "link", "joint", "material", "transmission", "gazebo", "ros2_control", "sensor", "mujoco",
+}  # fmt: skip
+_LINK_TAGS = {
+    "inertial", "visual", "collision", "contact", "sensor", "self_collision_checking", "verbose",
+    "material",
+}  # fmt: skip
+_MECHANICAL = {
+    "link", "joint", "inertial", "mass", "inertia", "body", "transmission", "actuator", "motor",
+}  # fmt: skip
 _LOCKED = 1e-6  # rad or m; range of a locked joint
 _JOINTS = _HINGES | {"fixed", "prismatic", "floating", "planar"}
 
@@ -29,8 +40,13 @@ def read_urdf(root: Element) -> Mechanism:
     Raises:
         InvalidRobot: The text is not the URDF of one tree of links.
     """
-    links = {each.get("name"): each for each in root.all("link")}
-    joints = [each for each in root.all("joint") if "type" in each.attributes]
+    unread = _unread(root)
+    links: dict[str, Element] = {}
+    for link in root.all("link"):
+        if link.get("name") in links:
+            raise malformed(link.position, f"there are two links '{link.get('name')[:40]}'")
+        links[link.get("name")] = link
+    joints = list(root.all("joint"))
     children: dict[str, list[Element]] = {}
     parents: dict[str, str] = {}
     for joint in joints:
@@ -54,7 +70,24 @@ def read_urdf(root: Element) -> Mechanism:
         for joint in children.get(bodies[index].name, []):
             bodies.append(_child(joint, index, links, bodies, hinges))
             queue.append(len(bodies) - 1)
-    return Mechanism(root.attributes.get("name", "robot")[:64], bodies, hinges, words(root))
+    return Mechanism(root.attributes.get("name", "robot")[:64], bodies, hinges, words(root), unread)
+
+
+def _unread(root: Element) -> tuple[str, ...]:
+    """Return a warning about elements that URDF does not define; refuse those of a mechanism."""
+    unknown: list[Element] = []
+    for element, tags in [(root, _ROOT_TAGS), *((link, _LINK_TAGS) for link in root.all("link"))]:
+        unknown += [each for each in element.children if each.qualified[0] not in tags]
+    for each in unknown:
+        inner = next((part for part in each.walk() if part.tag in _MECHANICAL), None)
+        if inner is not None:
+            raise malformed(
+                each.position,
+                f"<{each.qualified[0][:40]}> is no element of URDF here, but holds "
+                f"<{inner.qualified[0][:40]}>; write it as link and joint, or remove it",
+            )
+    names = list(dict.fromkeys(f"<{each.qualified[0]}>" for each in unknown))
+    return (f"elements that URDF does not define are not read: {listed(names)}",) if names else ()
 
 
 def _child(
