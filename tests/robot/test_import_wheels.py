@@ -104,7 +104,6 @@ def test_wheels_on_steering_joints_are_refused(file, named):
         forked("continuous", "0 0 1", arm="caster_rotation").replace("_drive", "_caster_wheel"),
         mjcf_fork('<joint name="NAME_arm" axis="0 0 1"/>'),
         mjcf_fork('<joint name="NAME_arm" axis="0 0 1" range="-30 30"/>'),
-        mjcf_fork('<joint name="NAME_arm" type="ball"/>'),
         mjcf_fork('<joint name="NAME_arm" type="slide" axis="0 1 0"/>'),
     ],
 )

@@ -37,6 +37,12 @@ class ImportedRobot:
     missing: tuple[str, ...]
     warnings: tuple[str, ...] = ()
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to check, as comments of the robot file."""
+        parts = {"guessed": self.guessed, "missing": self.missing, "warning": self.warnings}
+        return tuple(f"{name}: {fact}" for name, facts in parts.items() for fact in facts)
+
 
 @dataclass(slots=True)
 class RobotDraft:

@@ -99,8 +99,8 @@ def _draft(
                 f"the root element is <{root.tag[:40]}>, need <robot> (URDF) or <mujoco> (MJCF)"
             )
         kind = _ROOTS[root.tag]
-    read = read_urdf if kind == "urdf" else read_mjcf
-    return read(root).draft(wheels, wheel_radius, mecanum=mecanum)
+    mechanism = read_urdf(root) if kind == "urdf" else read_mjcf(root, path, _xml)
+    return mechanism.draft(wheels, wheel_radius, mecanum=mecanum)
 
 
 def _xml(path: Path) -> Element:
