@@ -67,7 +67,7 @@ def import_robot(
         imported = draft.finish()
     except InvalidRobot as error:
         name, fact = one_line(str(path)), one_line(str(error), _LONGEST)
-        raise error if name in str(error) else InvalidRobot(f"{name}: {fact}") from None
+        raise error if str(error).startswith(name) else InvalidRobot(f"{name}: {fact}") from None
     name = imported.robot.name
     if not (name.isprintable() and name.strip()):
         return replace(imported, robot=replace(imported.robot, name="robot"))

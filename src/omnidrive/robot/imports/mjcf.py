@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from pathlib import Path
 
@@ -49,7 +50,7 @@ def read_mjcf(root: Element, path: Path, read: ReadXml) -> Mechanism:
         try:
             model = spec.compile()
         except (ValueError, mujoco.FatalError) as error:
-            raise InvalidRobot(f"MuJoCo: {one_line(str(error), 300)}") from None
+            raise _refusal(error) from None
     if unknown:
         source.warnings.append(
             "the mass of meshes is not read, so that the mass of the robot is unknown: "
@@ -63,7 +64,7 @@ def _spec(text: str, models: dict[str, bytes]) -> tuple[mujoco.MjSpec, list[str]
     try:
         spec = mujoco.MjSpec.from_string(text, include=models)
     except (ValueError, mujoco.FatalError) as error:
-        raise InvalidRobot(f"MuJoCo: {one_line(str(error), 300)}") from None
+        raise _refusal(error) from None
     unknown: dict[str, None] = {}
     for geom in spec.geoms:
         if geom.type in _MESHES or geom.meshname:
@@ -83,6 +84,12 @@ def _spec(text: str, models: dict[str, bytes]) -> tuple[mujoco.MjSpec, list[str]
     compiler.boundinertia = max(compiler.boundinertia, 0.01 * _LEAST_MASS)
     spec.memory = 1 << 20  # no contacts are computed
     return spec, list(unknown)
+
+
+def _refusal(error: Exception) -> InvalidRobot:
+    """Return the error of MuJoCo without line numbers, which are those of the reduced text."""
+    text = re.sub(r", line \d+", "", str(error)).strip().replace("\n", "; ")
+    return InvalidRobot(f"MuJoCo: {one_line(text, 300)}")
 
 
 class _Reader:
