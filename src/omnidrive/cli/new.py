@@ -123,7 +123,7 @@ def _robot_file(like: str, name: str) -> str:
     from omnidrive.robot.robot_file import robot_text
 
     source = named_robot(like)
-    kind = "mecanum" if any(mount.roller_angle for mount in source.mounts) else "omni"
+    kind = "mecanum" if any(mount.is_mecanum for mount in source.mounts) else "omni"
     notes = (
         f"A copy of the robot {source.name}, which has {len(source.mounts)} {kind} wheels; replace "
         "its numbers by those of your robot (docs/robots.md).",

@@ -16,6 +16,7 @@ from omnidrive.cli.terminal import show as print_line
 from omnidrive.errors import InvalidInput, one_line
 
 if TYPE_CHECKING:
+    from omnidrive.robot.imports import ImportedRobot
     from omnidrive.simulation.identification import Estimate, RobotLog
 
 robot = verb_group("Show, import and identify robots.")
@@ -94,6 +95,14 @@ def import_(
         float | None,
         option("M", "Radius of the wheels, m [default: that in FILE]."),
     ] = None,
+    mecanum: Annotated[
+        bool,
+        typer.Option(
+            "--mecanum",
+            help="The wheels in URDF and MJCF are mecanum wheels with rollers at 45 degrees "
+            "[default: by rollers, axles and names].",
+        ),
+    ] = False,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -115,24 +124,29 @@ def import_(
 
     if out is not None:
         check_robot_file(out, force=force)
-    found = import_robot(file, format=format, wheels=wheel or (), wheel_radius=wheel_radius)
-    parts = {"read": found.read, "guessed": found.guessed, "missing": found.missing}
-    if json:
-        print_json(parts)
-    else:
-        for name, facts in parts.items():
-            for fact in facts:
-                print_line(f"{name:<9}{fact}")
-    for warning in RobotSummary.of(found.robot).warnings:
+    found = import_robot(
+        file, format=format, wheels=wheel or (), wheel_radius=wheel_radius, mecanum=mecanum
+    )
+    _print_facts(found, json=json)
+    for warning in (*found.warnings, *RobotSummary.of(found.robot).warnings):
         warn(warning)
     if out is not None:
-        notes = [f"Imported from {file.name}."]
-        notes += [f"{name}: {fact}" for name in ("guessed", "missing") for fact in parts[name]]
-        save_robot(found.robot, out, notes=notes)
+        save_robot(found.robot, out, notes=[f"Imported from {file.name}.", *found.notes])
         text = f"written to {out}; check it by: omnidrive robot show {out}"
         conclude(text, beside_json=json)
     else:
         conclude("not written; use --out FILE.yaml", beside_json=json)
+
+
+def _print_facts(found: ImportedRobot, *, json: bool) -> None:
+    """Print what is read, guessed and missing."""
+    parts = {"read": found.read, "guessed": found.guessed, "missing": found.missing}
+    if json:
+        print_json(parts | {"warnings": found.warnings})
+        return
+    for name, facts in parts.items():
+        for fact in facts:
+            print_line(f"{name:<9}{fact}")
 
 
 @robot.command()

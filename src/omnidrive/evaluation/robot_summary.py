@@ -164,7 +164,7 @@ def _kinematic_warnings(
             )
     radius, distance = robot.effective_radius, robot.mean_wheel_distance
     if radius < _MIN_EFFECTIVE_RADIUS * distance:
-        key = "roller_angle" if any(m.roller_angle for m in robot.mounts) else "axle_angle"
+        key = "roller_angle" if any(m.is_mecanum for m in robot.mounts) else "axle_angle"
         warnings.append(
             f"weak rotation: the wheels turn the robot with an effective radius of {radius:.2g} m, "
             f"but are {distance:.2g} m from its centre; are the signs of {key} swapped?"

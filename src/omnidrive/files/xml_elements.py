@@ -21,7 +21,7 @@ Malformed = Callable[[Position, str], Exception]
 
 
 class Element:
-    """An element; namespaces are removed.
+    """An element; prefixes of namespaces are removed, except in ``qualified``.
 
     Attributes:
         tag: Name of the element.
@@ -31,6 +31,7 @@ class Element:
         instructions: Data of the processing instructions directly in the element, by target.
         position: Position of the start tag.
         malformed: Returns the errors of this element.
+        qualified: Names of the element and of its attributes as written, with prefixes.
     """
 
     __slots__ = (
@@ -39,6 +40,7 @@ class Element:
         "instructions",
         "malformed",
         "position",
+        "qualified",
         "tag",
         "text",
     )
@@ -53,6 +55,14 @@ class Element:
         self.instructions: dict[str, str] = {}
         self.position = position
         self.malformed = malformed
+        self.qualified: tuple[str, ...] = (tag, *attributes)
+
+    def walk(self) -> Iterator[Element]:
+        """Yield the element and all elements in it."""
+        queue = [self]
+        for each in queue:  # it grows
+            yield each
+            queue += each.children
 
     def all(self, *tags: str) -> Iterator[Element]:
         """Yield the children with one of the tags."""
@@ -130,6 +140,7 @@ class _Builder:
             raise self._malformed(self._position, f"more than {self._max_elements} elements")
         local = {name.rpartition(":")[2]: value for name, value in attributes.items()}
         element = Element(tag.rpartition(":")[2], local, self._position, self._malformed)
+        element.qualified = (tag, *attributes)
         if self._open:
             self._open[-1].children.append(element)
         else:

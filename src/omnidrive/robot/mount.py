@@ -22,6 +22,11 @@ class Mount(NamedTuple):
     positive towards the axle: 0 for omni wheels, pi / 4 or -pi / 4 for mecanum wheels."""
 
     @property
+    def is_mecanum(self) -> bool:
+        """Whether the rollers are inclined, by more than 0.01 rad."""
+        return abs(self.roller_angle) > 0.01
+
+    @property
     def drive_direction(self) -> tuple[float, float]:
         """Unit vector along which the wheel exerts force: the axis of the roller on the floor."""
         bearing = self.axle_angle + 0.5 * pi - self.roller_angle

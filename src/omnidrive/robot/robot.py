@@ -242,7 +242,7 @@ class Robot:
 
     def _repr_html_(self) -> str:
         """Return drawing and main properties for notebooks."""
-        kinds = sorted({"mecanum" if mount.roller_angle else "omni" for mount in self.mounts})
+        kinds = sorted({"mecanum" if mount.is_mecanum else "omni" for mount in self.mounts})
         facts = {
             "wheels": f"{len(self.mounts)} {' and '.join(kinds)}, radius {self.wheel.radius:g} m",
             "body": f"radius {self.body_radius:g} m, {self.mass:g} kg",

@@ -85,7 +85,7 @@ def _facts(robot: Robot) -> str:
 def _is_ring(robot: Robot) -> bool:
     """Return whether all wheels are omni wheels at one distance, with axles through the centre."""
     return all(
-        mount.roller_angle == 0.0
+        not mount.is_mecanum
         and isclose(mount.x, robot.mean_wheel_distance * cos(mount.axle_angle), abs_tol=1e-9)
         and isclose(mount.y, robot.mean_wheel_distance * sin(mount.axle_angle), abs_tol=1e-9)
         for mount in robot.mounts
@@ -119,7 +119,7 @@ def _wheel(axes: Axes, robot: Robot) -> None:
     corners = transform_points(hub, [(0.34, 0.13), (-0.34, 0.13), (-0.34, -0.13), (0.34, -0.13)])
     axes.add_patch(Polygon(corners, facecolor="#e9edf2", edgecolor=DARK, lw=1.0, zorder=2))
     # rollers at the floor: across an omni wheel, inclined on a mecanum wheel
-    lean = 0.1 / tan(mount.roller_angle) if mount.roller_angle else 0.0
+    lean = 0.1 / tan(mount.roller_angle) if mount.is_mecanum else 0.0
     rollers = [
         transform_points(hub, [(x - lean, 0.1), (x + lean, -0.1)])
         for x in (-0.24, -0.12, 0.0, 0.12, 0.24)

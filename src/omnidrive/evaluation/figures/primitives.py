@@ -124,7 +124,7 @@ def wheel_outline(axes: Axes, robot: Robot, pose: Pose, mount: Mount, colour: st
     corners = transform_points(wheel, [(r, half), (-r, half), (-r, -half), (r, -half)])
     tyre = Polygon(corners, facecolor=colour, edgecolor=DARK, lw=0.8, zorder=4)
     axes.add_patch(tyre)
-    if mount.roller_angle != 0.0:
+    if mount.is_mecanum:
         slant = half * cos(mount.roller_angle) / sin(mount.roller_angle)
         for middle in (-r, -0.5 * r, 0.0, 0.5 * r, r):  # uppermost rollers
             ends = transform_points(wheel, [(middle + slant, half), (middle - slant, -half)])

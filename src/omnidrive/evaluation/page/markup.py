@@ -110,7 +110,7 @@ def _path(results: StudyResults) -> str:
 def _wheels(robot: Robot) -> str:
     """Return number and kind of the wheels, and their directions from the centre."""
     bearings = ", ".join(f"{degrees(atan2(mount.y, mount.x)):.4g}" for mount in robot.mounts)
-    kind = "mecanum wheels" if any(mount.roller_angle for mount in robot.mounts) else "omni wheels"
+    kind = "mecanum wheels" if any(mount.is_mecanum for mount in robot.mounts) else "omni wheels"
     return f"{len(robot.mounts)} {kind} at {bearings}°"
 
 

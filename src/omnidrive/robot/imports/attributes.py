@@ -18,6 +18,13 @@ def malformed(position: Position, what: str) -> InvalidRobot:
     return InvalidRobot(f"line {position.line}, column {position.column}: {what}")
 
 
+def words(root: Element) -> str:
+    """Return the texts and the values of all attributes of a description, one per line."""
+    return "\n".join(
+        text for each in root.walk() for text in (each.text, *each.attributes.values())
+    )
+
+
 def numbers(
     element: Element, name: str, count: int, default: tuple[float, ...] | None = None
 ) -> Float[Array, " count"]:
@@ -38,11 +45,10 @@ def numbers(
     values = [parse_number(word) for word in text.split()[: count + 1]]
     found = [value for value in values if value is not None and abs(value) <= MAX_NUMBER]
     if len(values) != count or len(found) != count:
-        hint = "; expand the file by xacro first" if "${" in text else ""
         raise malformed(
             element.position,
             f"{element.tag[:40]}: {name} needs {count} finite number{'s' if count > 1 else ''}, "
-            f"got {short_repr(text)}{hint}",
+            f"got {short_repr(text)}",
         )
     return np.array(found)
 

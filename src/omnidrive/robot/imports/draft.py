@@ -28,12 +28,20 @@ class ImportedRobot:
         read: Facts that the description states.
         guessed: Facts that are concluded from names and positions.
         missing: Parameters that the description does not hold, with the typical values used.
+        warnings: What may be wrong: bold guesses, and parts of the description that are not read.
     """
 
     robot: Robot
     read: tuple[str, ...]
     guessed: tuple[str, ...]
     missing: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to check, as comments of the robot file."""
+        parts = {"guessed": self.guessed, "missing": self.missing, "warning": self.warnings}
+        return tuple(f"{name}: {fact}" for name, facts in parts.items() for fact in facts)
 
 
 @dataclass(slots=True)
@@ -64,6 +72,7 @@ class RobotDraft:
     read: list[str] = field(default_factory=list)
     guessed: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
     def finish(self) -> ImportedRobot:
         """Return the robot, with typical values for missing parameters.
@@ -76,7 +85,8 @@ class RobotDraft:
                 robot = self._robot()
         except InvalidInput as error:
             raise InvalidRobot(str(error)) from None
-        return ImportedRobot(robot, tuple(self.read), tuple(self.guessed), tuple(self.missing))
+        facts = (tuple(each) for each in (self.read, self.guessed, self.missing, self.warnings))
+        return ImportedRobot(robot, *facts)
 
     def _robot(self) -> Robot:
         mass = self._known("mass", self.mass, _MASS, "kg")
@@ -133,7 +143,7 @@ class RobotDraft:
         return replace(robot, servo_gain=gain, lag=values)
 
     def _wheel(self, mass: float) -> OmniWheel:
-        radius, mecanum = self.radius, any(m.roller_angle for m in self.mounts)
+        radius, mecanum = self.radius, any(m.is_mecanum for m in self.mounts)
         whole = self._known("wheel.mass", self.wheel_mass, _WHEEL_SHARE * mass, "kg", "5 % of mass")
         rows = 1 if mecanum else 2
         count = 12 if mecanum else 9

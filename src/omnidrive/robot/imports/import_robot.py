@@ -18,6 +18,7 @@ from omnidrive.robot.imports.draft import ImportedRobot, RobotDraft
 from omnidrive.robot.imports.mjcf import read_mjcf
 from omnidrive.robot.imports.ros2_control import read_ros2_control
 from omnidrive.robot.imports.urdf import read_urdf
+from omnidrive.robot.imports.xacro import refuse_xacro
 from omnidrive.robot.robot_file import FORMAT as ROBOT_FORMAT
 
 FORMATS: tuple[RobotFormat, ...] = get_args(RobotFormat)
@@ -35,6 +36,7 @@ def import_robot(
     format: str | None = None,
     wheels: Sequence[str] = (),
     wheel_radius: float | None = None,
+    mecanum: bool = False,
 ) -> ImportedRobot:
     """Return the robot that a URDF, an MJCF or a ros2_control parameter file describes.
 
@@ -43,6 +45,8 @@ def import_robot(
         format: One of :data:`FORMATS`; None: by suffix and content.
         wheels: Names of the wheel joints in URDF and MJCF; empty: found by axis and name.
         wheel_radius: Radius of the wheels, m; None: that in the file.
+        mecanum: Whether wheels without rollers in URDF and MJCF are mecanum wheels with rollers at
+            45 degrees; False: concluded from their axles and from names.
 
     Raises:
         InvalidInput: There is no such format.
@@ -57,13 +61,13 @@ def import_robot(
     is_yaml = path.suffix.lower() in {".yaml", ".yml"}
     kind = format or ("ros2_control" if is_yaml else None)
     try:
-        draft = _draft(path, kind, wheels, wheel_radius)
+        draft = _draft(path, kind, wheels, wheel_radius, mecanum)
         if wheel_radius is not None and kind == "ros2_control":
             draft.radius = wheel_radius
         imported = draft.finish()
     except InvalidRobot as error:
         name, fact = one_line(str(path)), one_line(str(error), _LONGEST)
-        raise error if name in str(error) else InvalidRobot(f"{name}: {fact}") from None
+        raise error if str(error).startswith(name) else InvalidRobot(f"{name}: {fact}") from None
     name = imported.robot.name
     if not (name.isprintable() and name.strip()):
         return replace(imported, robot=replace(imported.robot, name="robot"))
@@ -71,25 +75,32 @@ def import_robot(
 
 
 def _draft(
-    path: Path, kind: str | None, wheels: Sequence[str], wheel_radius: float | None
+    path: Path,
+    kind: str | None,
+    wheels: Sequence[str],
+    wheel_radius: float | None,
+    mecanum: bool,
 ) -> RobotDraft:
     if kind == "ros2_control":
         if wheels:
             raise InvalidRobot("--wheel is for URDF and MJCF; the controller names its wheels")
+        if mecanum:
+            raise InvalidRobot("--mecanum is for URDF and MJCF; the controller states its wheels")
         data = read_yaml(path, "parameter file", InvalidRobot)
         if isinstance(data, dict) and data.get("format") == ROBOT_FORMAT:
             name = one_line(str(path))
             raise InvalidRobot(f"{name} is a robot file already; use --robot {name}")
         return read_ros2_control(data)
     root = _xml(path)
+    refuse_xacro(root, path.name)
     if kind is None:
         if root.tag not in _ROOTS:
             raise InvalidRobot(
                 f"the root element is <{root.tag[:40]}>, need <robot> (URDF) or <mujoco> (MJCF)"
             )
         kind = _ROOTS[root.tag]
-    read = read_urdf if kind == "urdf" else read_mjcf
-    return read(root).draft(wheels, wheel_radius)
+    mechanism = read_urdf(root) if kind == "urdf" else read_mjcf(root, path, _xml)
+    return mechanism.draft(wheels, wheel_radius, mecanum=mecanum)
 
 
 def _xml(path: Path) -> Element:

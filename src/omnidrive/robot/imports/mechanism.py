@@ -5,20 +5,21 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from math import atan2, cos, hypot, pi, sin
+from math import hypot
 
 import numpy as np
 
 from omnidrive.errors import InvalidRobot, suggestion
-from omnidrive.robot.imports.draft import RobotDraft, mecanum_roller, roller_angle
+from omnidrive.robot.imports.draft import RobotDraft
 from omnidrive.robot.imports.rotations import Matrix, Vector
-from omnidrive.robot.mount import Mount
+from omnidrive.robot.imports.wheel_mounts import Axle, is_roller, listed, mount_wheels, tidy
 from omnidrive.robot.robot import MAX_WHEELS
 
 _WHEEL_NAME = re.compile(r"wheel|mecanum|omni|rueda|roue|rad(?![a-z])|tire|tyre", re.IGNORECASE)
 _OTHER_NAME = re.compile(r"roller|caster|castor|steer|swivel|suspension|spring", re.IGNORECASE)
+_ROLLER_NAME = re.compile(r"roller", re.IGNORECASE)
 _MAX_AXIS_SLOPE = 0.1  # vertical component of the axis of a wheel
-_PARALLEL = 0.1  # rad
+_VERTICAL = 0.9  # vertical component of the axis of a suspension
 _SAME = 0.01  # relative difference of wheel radii
 
 
@@ -35,6 +36,7 @@ class Body:
         com: Centre of mass, m.
         yaw_inertia: Inertia about the vertical through its centre of mass, kg m^2.
         shapes: Shapes.
+        motions: How it may move relative to its parent.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Body:
     com: Vector = field(default_factory=lambda: np.zeros(3))
     yaw_inertia: float = 0.0
     shapes: list[Shape] = field(default_factory=list)
+    motions: list[Motion] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -71,6 +74,35 @@ class Shape:
         signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1)
         corners = self.centre[:, None] + self.axes @ (self.half[:, None] * signs)
         return float(np.hypot(corners[0], corners[1]).max())
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Motion:
+    """Freedom of a body relative to its parent.
+
+    Attributes:
+        joint: Name of the joint.
+        axis: Unit vector in the frame of the base; None: more than one, as of a ball joint.
+        turns: Whether it is a rotation about this axis, else a translation along it.
+        is_limited: Whether it has limits.
+    """
+
+    joint: str
+    axis: Vector | None = None
+    turns: bool = False
+    is_limited: bool = False
+
+    @property
+    def is_suspension(self) -> bool:
+        """Whether a wheel on it keeps its place and direction, seen from above.
+
+        Vertical slides and hinges with a horizontal axis and limits, such as rockers, do so.
+        """
+        if self.axis is None:
+            return False
+        if self.turns:
+            return self.is_limited and abs(float(self.axis[2])) < _MAX_AXIS_SLOPE
+        return abs(float(self.axis[2])) > _VERTICAL
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -102,35 +134,57 @@ class Joint:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Mechanism:
-    """Tree of bodies; the first is the base."""
+    """Tree of bodies; the first is the base.
+
+    Attributes:
+        name: Name.
+        bodies: The bodies; parents come before children.
+        joints: The hinges; parents come before children.
+        words: Names and other texts of the description.
+        warnings: Parts of the description that are not read.
+    """
 
     name: str
     bodies: list[Body]
     joints: list[Joint]
+    words: str = ""
+    warnings: tuple[str, ...] = ()
 
-    def draft(self, names: Sequence[str] = (), radius: float | None = None) -> RobotDraft:
+    def draft(
+        self, names: Sequence[str] = (), radius: float | None = None, *, mecanum: bool = False
+    ) -> RobotDraft:
         """Return the draft of the robot with these wheels.
 
         Args:
             names: Names of the wheel joints; empty: found by axis and name.
             radius: Radius of the wheels, m; None: that of their shapes.
+            mecanum: Whether wheels without rollers are mecanum wheels; False: by axles and names.
 
         Raises:
-            InvalidRobot: There are no such joints, or the radius is unknown.
+            InvalidRobot: There are no such joints, they are not fixed to the base, or the radius
+                is unknown.
         """
         wheels = self._named_wheels(names) if names else self._found_wheels()
+        suspension = self._suspension(wheels)
         groups = [self._descendants(joint.body) for joint in wheels]
         rollers = [self._rollers(joint, group) for joint, group in zip(wheels, groups, strict=True)]
         found = radius if radius is not None else self._radius(wheels, groups)
-        mounts, kind = _mounts(wheels, rollers)
-        draft = RobotDraft(self.name, mounts, found)
-        joints = ", ".join(joint.name for joint in wheels)
-        text = f"{len(wheels)} wheels, in this order: {joints}"
+        axles = [
+            Axle(wheel.name, wheel.axis, wheel.point, tuple((j.axis, j.point) for j in group))
+            for wheel, group in zip(wheels, rollers, strict=True)
+        ]
+        mounting = mount_wheels(axles, self.words, mecanum=mecanum)
+        draft = RobotDraft(self.name, mounting.mounts, found)
+        text = f"{len(wheels)} wheels, in this order: {', '.join(joint.name for joint in wheels)}"
         if names:
             draft.read.append(text)
         else:
             draft.guessed.append(f"{text} (hinges with a horizontal axis and the name of a wheel)")
-        (draft.read if any(rollers) else draft.guessed).append(kind)
+        (draft.read if mounting.is_read else draft.guessed).append(mounting.fact)
+        draft.warnings += [mounting.warning] if mounting.warning else []
+        draft.warnings += self.warnings
+        if suspension:
+            draft.guessed.append(f"a rigid suspension, without {listed(suspension)}")
         draft.read.append("positions and axes of the wheels")
         if radius is None:
             draft.read.append(f"wheel radius {found:g} m")
@@ -144,6 +198,41 @@ class Mechanism:
         _note_origin(draft)
         return draft
 
+    def _motions(self, wheels: Sequence[Joint]) -> list[list[Motion]]:
+        """Return the motions of each wheel relative to the part that carries all of them."""
+        if not wheels:
+            return []
+        chains = []
+        for wheel in wheels:
+            chain, body = [], wheel.body
+            while body >= 0:
+                chain.append(body)
+                body = self.bodies[body].parent
+            chains.append(chain)
+        common = set(chains[0][1:]).intersection(*(chain[1:] for chain in chains))
+        return [
+            [
+                motion
+                for body in chain
+                if body not in common
+                for motion in self.bodies[body].motions
+                if motion.joint != wheel.name
+            ]
+            for wheel, chain in zip(wheels, chains, strict=True)
+        ]
+
+    def _suspension(self, wheels: Sequence[Joint]) -> list[str]:
+        """Return the joints of the wheels' suspension; refuse wheels that are steered."""
+        pairs = list(zip(wheels, self._motions(wheels), strict=True))
+        moved = {w.name: m.joint for w, ms in pairs for m in ms if not m.is_suspension}
+        if moved:
+            on = listed([f"{wheel} on {joint}" for wheel, joint in moved.items()])
+            raise InvalidRobot(
+                f"these wheels are on joints that move relative to the base: {on}; steered wheels, "
+                "casters and rollers are not supported: name wheels with a fixed axle by --wheel"
+            )
+        return list(dict.fromkeys(motion.joint for _, ms in pairs for motion in ms))
+
     def _named_wheels(self, names: Sequence[str]) -> list[Joint]:
         joints = {joint.name: joint for joint in self.joints}
         for name in names:
@@ -152,6 +241,22 @@ class Mechanism:
         return [joints[name] for name in names]
 
     def _found_wheels(self) -> list[Joint]:
+        """Return the hinges that look like wheels."""
+        chosen = self._wheel_like(_OTHER_NAME)
+        if len(chosen) < 3:
+            self._suspension(self._wheel_like(_ROLLER_NAME))  # it refuses casters
+        if not 3 <= len(chosen) <= MAX_WHEELS:
+            hinges = [j.name for j in self.joints if abs(j.axis[2]) < _MAX_AXIS_SLOPE]
+            count = f"more than {MAX_WHEELS}" if len(chosen) > MAX_WHEELS else len(chosen)
+            raise InvalidRobot(
+                f"{count} wheels found by axis and name, need 3 to {MAX_WHEELS}; name them "
+                f"by --wheel JOINT, once per wheel; hinges with a horizontal axis: "
+                f"{listed(hinges) or 'none'}"
+            )
+        return chosen
+
+    def _wheel_like(self, other: re.Pattern[str]) -> list[Joint]:
+        """Return free hinges with a horizontal axis and the name of a wheel, not of ``other``."""
         chosen: list[Joint] = []
         inside: set[int] = set()
         for joint in self.joints:  # parents come before children
@@ -161,21 +266,12 @@ class Mechanism:
                 and joint.body not in inside
                 and abs(joint.axis[2]) < _MAX_AXIS_SLOPE
                 and _WHEEL_NAME.search(name)
-                and not _OTHER_NAME.search(name)
+                and not other.search(name)
             ):
                 chosen.append(joint)
                 if len(chosen) > MAX_WHEELS:
                     break
                 inside |= self._descendants(joint.body)
-        if not 3 <= len(chosen) <= MAX_WHEELS:
-            hinges = [j.name for j in self.joints if abs(j.axis[2]) < _MAX_AXIS_SLOPE]
-            listed = ", ".join(hinges[:12]) + (", ..." if len(hinges) > 12 else "")
-            count = f"more than {MAX_WHEELS}" if len(chosen) > MAX_WHEELS else len(chosen)
-            raise InvalidRobot(
-                f"{count} wheels found by axis and name, need 3 to {MAX_WHEELS}; name them "
-                f"by --wheel JOINT, once per wheel; hinges with a horizontal axis: "
-                f"{listed or 'none'}"
-            )
         return chosen
 
     def _descendants(self, body: int) -> set[int]:
@@ -187,7 +283,11 @@ class Mechanism:
         return found
 
     def _rollers(self, wheel: Joint, group: Collection[int]) -> list[Joint]:
-        return [j for j in self.joints if j.body in group and j.body != wheel.body]
+        return [
+            j
+            for j in self.joints
+            if j.body in group and j.body != wheel.body and is_roller(j.axis, wheel.axis)
+        ]
 
     def _radius(self, wheels: Sequence[Joint], groups: Sequence[Collection[int]]) -> float:
         """Return the radius of the wheels' shapes."""
@@ -222,7 +322,7 @@ class Mechanism:
         com = sum((body.mass * body.com for body in self.bodies), np.zeros(3)) / total
         floor = float(np.mean([joint.point[2] for joint in wheels])) - radius
         draft.mass = float(f"{total:.9g}")
-        draft.com = (_tidy(com[0]), _tidy(com[1]))
+        draft.com = (tidy(com[0]), tidy(com[1]))
         draft.read.append(f"mass {total:.4g} kg, centre of mass ({com[0]:.3g}, {com[1]:.3g}) m")
         if com[2] > floor:
             draft.com_height = float(f"{com[2] - floor:.9g}")
@@ -256,46 +356,6 @@ class Mechanism:
         draft.read.append(f"{draft.rollers} rollers per wheel")
 
 
-def _mounts(
-    wheels: Sequence[Joint], rollers: Sequence[Sequence[Joint]]
-) -> tuple[tuple[Mount, ...], str]:
-    """Return the mounts of the wheels, and how their roller angles are known.
-
-    A wheel that turns about the horizontal axis a on the floor rolls along (a_y, -a_x), which is
-    (-sin axle_angle, cos axle_angle).
-    """
-    angles = [atan2(-joint.axis[1], -joint.axis[0]) for joint in wheels]
-    if all(rollers):
-        tilts = [_floor_roller(group, a) for group, a in zip(rollers, angles, strict=True)]
-        text = "roller angles, from the axes of the lowest rollers"
-    elif all(abs(sin(angle - angles[0])) < _PARALLEL for angle in angles):
-        c, s = cos(angles[0] + 0.5 * pi), sin(angles[0] + 0.5 * pi)
-        centre = np.mean([joint.point for joint in wheels], axis=0)
-        tilts = []
-        for joint, angle in zip(wheels, angles, strict=True):
-            x, y, _ = joint.point - centre
-            along, aside = c * x + s * y, c * y - s * x
-            tilts.append(mecanum_roller(along, aside, angle - angles[0] - 0.5 * pi))
-        text = (
-            "mecanum wheels with rollers at 45 degrees (the axles are parallel); seen from above, "
-            "the axes of the rollers on the floor form a diamond"
-        )
-    else:
-        tilts = [0.0 for _ in wheels]
-        text = "omni wheels with rollers along the axle's normal (the axles are not parallel)"
-    mounts = tuple(
-        Mount(_tidy(j.point[0]), _tidy(j.point[1]), _tidy(angle), _tidy(tilt))
-        for j, angle, tilt in zip(wheels, angles, tilts, strict=True)
-    )
-    return mounts, text
-
-
-def _floor_roller(rollers: Sequence[Joint], axle_angle: float) -> float:
-    """Return the angle from the rolling direction to the axis of the lowest roller, rad."""
-    lowest = min(rollers, key=lambda joint: float(joint.point[2]))
-    return roller_angle(atan2(lowest.axis[1], lowest.axis[0]), axle_angle)
-
-
 def _extent(shape: Shape, wheel: Joint) -> float:
     """Return how far a round shape reaches from the axis of a wheel, m; 0 for another shape."""
     if not shape.is_round:
@@ -324,9 +384,3 @@ def _note_origin(draft: RobotDraft) -> None:
         draft.guessed.append(
             f"frame B is that of the base, although the wheels' centre is at ({x:.3g}, {y:.3g}) m"
         )
-
-
-def _tidy(value: float) -> float:
-    """Return a number without rounding errors of a rotation."""
-    rounded = round(float(value), 12)
-    return rounded + 0.0  # no negative zero

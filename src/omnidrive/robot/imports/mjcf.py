@@ -2,277 +2,203 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from math import pi
-from typing import Any
+import re
+import warnings
+from pathlib import Path
 
+import mujoco
 import numpy as np
 
-from omnidrive.files.position import Position
+from omnidrive.errors import InvalidRobot, one_line
 from omnidrive.files.xml_elements import Element
-from omnidrive.robot.imports.attributes import (
-    direction,
-    malformed,
-    number,
-    numbers,
-    positive_or_zero,
-)
-from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Shape
-from omnidrive.robot.imports.rotations import Matrix, Vector, about, from_quaternion, from_z
+from omnidrive.robot.imports.attributes import words
+from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Motion, Shape
+from omnidrive.robot.imports.mjcf_motors import add_motors
+from omnidrive.robot.imports.mjcf_source import MjcfSource, ReadXml
+from omnidrive.robot.imports.rotations import Matrix, Vector
+from omnidrive.robot.imports.wheel_mounts import listed
 
-_MACROS = {"include", "replicate", "composite", "flexcomp", "attach"}
-_DENSITY = 1000.0  # kg/m^3, the default of MuJoCo
-_AXES = {"x": 0, "y": 1, "z": 2}
+_POINT = 1e-4  # m; radius of the sphere in place of a mesh; MuJoCo gives smaller ones no mass
+_LEAST_MASS = 1e-12  # kg; of a body without a known mass, which MuJoCo does not compile
+_GEOM = mujoco.mjtGeom
+_MESHES = {_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF, _GEOM.mjGEOM_HFIELD}
+_ROUND = {_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_CYLINDER, _GEOM.mjGEOM_ELLIPSOID}
+
+mujoco.set_mju_user_warning(lambda _: None)  # the default handler writes a file
 
 
-def read_mjcf(root: Element) -> Mechanism:
+def read_mjcf(root: Element, path: Path, read: ReadXml) -> Mechanism:
     """Return the mechanism of the first free body, or else of the first body, of an MJCF model.
 
-    The frame of the base is that of this body. Bodies, hinges, inertias, primitive shapes, default
-    classes and actuators are read; meshes are not.
+    MuJoCo compiles the model, without meshes, materials and all that is no body or motor, so that
+    defaults, frames, attached models and shortcuts of actuators mean what they mean there. The
+    frame of the base is that of this body.
+
+    Args:
+        root: Root element of the model.
+        path: Its file; included and attached files lie in the same folder or below.
+        read: Returns the root element of another file.
 
     Raises:
-        InvalidRobot: The text is not such a model, or uses macros such as `include`.
+        InvalidRobot: It is not such a model, or its files are missing or elsewhere.
     """
-    return _Reader(root).mechanism()
+    source = MjcfSource(path, read)
+    text = source.text(root)
+    spec, unknown = _spec(text, source.models)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of massless bodies
+        try:
+            model = spec.compile()
+        except (ValueError, mujoco.FatalError) as error:
+            raise _refusal(error) from None
+    if unknown:
+        source.warnings.append(
+            "the mass of meshes is not read, so that the mass of the robot is unknown: "
+            f"{listed(unknown)}"
+        )
+    return _Reader(model, bool(unknown)).mechanism(words(root), tuple(source.warnings))
 
 
-@dataclass(slots=True)
+def _spec(text: str, models: dict[str, bytes]) -> tuple[mujoco.MjSpec, list[str]]:
+    """Return a specification without meshes, and the bodies of which they hold the mass."""
+    try:
+        spec = mujoco.MjSpec.from_string(text, include=models)
+    except (ValueError, mujoco.FatalError) as error:
+        raise _refusal(error) from None
+    unknown: dict[str, None] = {}
+    for geom in spec.geoms:
+        if geom.type in _MESHES or geom.meshname:
+            body, from_shapes = geom.parent, spec.compiler.inertiafromgeom == 1
+            if np.isnan(geom.mass) and body.name != "world":
+                if geom.density > 0.0 and (from_shapes or not body.explicitinertial):
+                    unknown[body.name or "a body without a name"] = None
+                geom.density = 0.0
+            geom.type, geom.meshname, geom.hfieldname = _GEOM.mjGEOM_SPHERE, "", ""
+            geom.size, geom.fromto = [_POINT, 0.0, 0.0], [np.nan, 0.0, 0.0, 0.0, 0.0, 0.0]
+    for joint in spec.joints:
+        joint.align = 0
+    compiler = spec.compiler
+    compiler.alignfree = compiler.fusestatic = compiler.discardvisual = False
+    compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE
+    compiler.boundmass = max(compiler.boundmass, _LEAST_MASS)
+    compiler.boundinertia = max(compiler.boundinertia, 0.01 * _LEAST_MASS)
+    spec.memory = 1 << 20  # no contacts are computed
+    return spec, list(unknown)
+
+
+def _refusal(error: Exception) -> InvalidRobot:
+    """Return the error of MuJoCo without line numbers, which are those of the reduced text."""
+    text = re.sub(r", line \d+", "", str(error)).strip().replace("\n", "; ")
+    return InvalidRobot(f"MuJoCo: {one_line(text, 300)}")
+
+
 class _Reader:
-    root: Element
-    degrees: bool = True
-    sequence: str = "xyz"
-    defaults: dict[str, dict[str, dict[str, str]]] = field(default_factory=dict)
-    bodies: list[Body] = field(default_factory=list)
-    joints: list[Joint] = field(default_factory=list)
+    """Reads a compiled model in its initial pose, in the frame of the base."""
 
-    def mechanism(self) -> Mechanism:
-        """Read the model."""
-        _refuse_macros(self.root)
-        for compiler in self.root.all("compiler"):
-            self.degrees = compiler.attributes.get("angle", "degree") != "radian"
-            self.sequence = compiler.attributes.get("eulerseq", self.sequence)
-        if len(self.sequence) != 3 or not set(self.sequence.lower()) <= set(_AXES):
-            raise malformed(self.root.position, f"invalid eulerseq '{self.sequence[:40]}'")
-        for default in self.root.all("default"):
-            self._add_defaults(default, {}, "main")
-        base = _base(self.root)
-        self._add_body(base, -1, np.eye(3), np.zeros(3), base.attributes.get("childclass", "main"))
-        for group in self.root.all("actuator"):
-            for actuator in group.children:
-                self._add_actuator(actuator)
-        return Mechanism(self.root.attributes.get("model", "robot")[:64], self.bodies, self.joints)
+    def __init__(self, model: mujoco.MjModel, ignore_mass: bool) -> None:
+        self._model = model
+        self._data = mujoco.MjData(model)
+        self._ignore_mass = ignore_mass
+        self._base = self._base_id()
+        if model.body_jntnum[self._base] == 1 and self._is_free(self._base):
+            start = model.jnt_qposadr[model.body_jntadr[self._base]]
+            self._data.qpos[start : start + 7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        mujoco.mj_kinematics(model, self._data)
+        self._turn: Matrix = self._data.xmat[self._base].reshape(3, 3).T.copy()
+        self._origin: Vector = self._data.xpos[self._base].copy()
 
-    def _add_defaults(
-        self, element: Element, inherited: dict[str, dict[str, str]], name: str
-    ) -> None:
-        name = element.attributes.get("class", name)
-        own = {tag: dict(values) for tag, values in inherited.items()}
-        for each in element.children:
-            if each.tag != "default":
-                own[each.tag] = own.get(each.tag, {}) | each.attributes
-        self.defaults[name] = own
-        for each in element.all("default"):
-            self._add_defaults(each, own, "")
+    def mechanism(self, words_: str, unread: tuple[str, ...]) -> Mechanism:
+        """Return the bodies and hinges below the base."""
+        model = self._model
+        bodies: list[Body] = []
+        joints: list[Joint] = []
+        ids: list[int] = []
+        index: dict[int, int] = {}
+        for body in range(self._base, model.nbody):  # parents come before children
+            parent = int(model.body_parentid[body])
+            if body != self._base and parent not in index:
+                continue
+            index[body] = len(bodies)
+            bodies.append(self._body(body, index.get(parent, -1)))
+            first = int(model.body_jntadr[body])
+            for joint in range(first, first + int(model.body_jntnum[body])):
+                if body != self._base:
+                    bodies[-1].motions.append(self._motion(joint))
+                if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
+                    joints.append(self._hinge(joint, index[body]))
+                    ids.append(joint)
+        notes = add_motors(model, joints, ids)
+        name = model.names[: model.names.index(b"\0")].decode("utf-8", "replace") or "robot"
+        name = "robot" if name == "MuJoCo Model" else name[:64]
+        return Mechanism(name, bodies, joints, words_, (*unread, *notes))
 
-    def _full(self, element: Element, group: str) -> Element:
-        """Return an element with the values of its default class."""
-        values = self.defaults.get(element.attributes.get("class", group), {})
-        attributes = values.get(element.tag, {}) | element.attributes
-        return Element(element.tag, attributes, element.position, element.malformed)
+    def _base_id(self) -> int:
+        """Return the first free body of the world, or else the first body."""
+        model = self._model
+        roots = [i for i in range(1, model.nbody) if model.body_parentid[i] == 0]
+        if not roots:
+            raise InvalidRobot("there is no body in worldbody")
+        return next((i for i in roots if self._is_free(i)), roots[0])
 
-    def _add_body(
-        self, element: Element, parent: int, rotation: Matrix, position: Vector, group: str
-    ) -> None:
-        """Append a body, its hinges and its descendants; ``rotation`` and ``position`` are its."""
-        index = len(self.bodies)
-        body = Body(element.attributes.get("name", f"body{index}"), parent, rotation, position)
-        self.bodies.append(body)
-        group = element.attributes.get("childclass", group)
-        self._add_content(element, index, rotation, position, group)
-        inertial = element.first("inertial")
-        if inertial is not None:
-            self._set_inertial(body, inertial)
+    def _is_free(self, body: int) -> bool:
+        first, count = self._model.body_jntadr[body], self._model.body_jntnum[body]
+        return bool(count and self._model.jnt_type[first] == mujoco.mjtJoint.mjJNT_FREE)
 
-    def _add_content(
-        self, element: Element, index: int, rotation: Matrix, position: Vector, group: str
-    ) -> None:
-        body, masses = self.bodies[index], []
-        for each in element.children:
-            if each.tag in {"body", "frame"}:
-                turned, offset = self._pose(each)
-                axes, origin = rotation @ turned, position + rotation @ offset
-                if each.tag == "body":
-                    self._add_body(each, index, axes, origin, group)
-                else:
-                    inner = each.attributes.get("childclass", group)
-                    self._add_content(each, index, axes, origin, inner)
-            elif each.tag == "joint":
-                self._add_joint(self._full(each, group), index, rotation, position)
-            elif each.tag == "geom":
-                found = self._shape(self._full(each, group), rotation, position)
-                if found is not None:
-                    body.shapes.append(found[0])
-                    masses.append(found)
-        _add_mass_of_shapes(body, masses)
-
-    def _set_inertial(self, body: Body, inertial: Element) -> None:
-        turned, _ = self._pose(inertial)
-        body.mass = positive_or_zero(inertial, "mass")
-        body.com = body.position + body.rotation @ numbers(inertial, "pos", 3)
-        if "fullinertia" in inertial.attributes:
-            xx, yy, zz, xy, xz, yz = numbers(inertial, "fullinertia", 6).tolist()
-            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        else:
-            tensor = np.diag(numbers(inertial, "diaginertia", 3, (0.0, 0.0, 0.0)))
-        up = (body.rotation @ turned)[2]
-        body.yaw_inertia = float(up @ tensor @ up)
-
-    def _add_joint(self, element: Element, index: int, rotation: Matrix, position: Vector) -> None:
-        if element.attributes.get("type", "hinge") != "hinge":
-            return
-        axis = direction(element, "axis", (0.0, 0.0, 1.0))
-        point = position + rotation @ numbers(element, "pos", 3, (0.0, 0.0, 0.0))
-        armature = number(element, "armature", 0.0)
-        self.joints.append(
-            Joint(
-                element.attributes.get("name", f"joint{len(self.joints)}"),
-                index,
-                rotation @ axis,
-                point,
-                inertia=armature or None,
-                turns_freely="range" not in element.attributes,
-            )
+    def _body(self, body: int, parent: int) -> Body:
+        model, data = self._model, self._data
+        found = Body(
+            model.body(body).name or f"body{body}",
+            parent,
+            self._turn @ data.xmat[body].reshape(3, 3),
+            self._place(data.xpos[body]),
         )
+        if model.body_mass[body] > 10.0 * _LEAST_MASS and not self._ignore_mass:
+            up = (self._turn @ data.ximat[body].reshape(3, 3))[2]
+            found.mass = float(model.body_mass[body])
+            found.com = self._place(data.xipos[body])
+            found.yaw_inertia = float(model.body_inertia[body] @ up**2)
+        first = int(model.body_geomadr[body])
+        for geom in range(first, first + int(model.body_geomnum[body])):
+            shape = self._shape(geom)
+            found.shapes += [] if shape is None else [shape]
+        return found
 
-    def _add_actuator(self, element: Element) -> None:
-        """Add torque limit and servo gain to the joint of an actuator."""
-        element = self._full(element, "main")
-        names = [joint.name for joint in self.joints]
-        if element.attributes.get("joint") not in names:
-            return
-        k = names.index(element.attributes["joint"])
-        joint, gear = self.joints[k], abs(_first(element, "gear", 1.0))
-        limits = numbers(element, "forcerange", 2, (0.0, 0.0))
-        changes: dict[str, Any] = {}
-        if limits[1] > limits[0]:
-            changes["max_torque"] = gear * float(np.abs(limits).max())
-        if element.tag == "velocity":
-            changes["servo_gain"] = gear**2 * number(element, "kv", 1.0)
-            speeds = numbers(element, "ctrlrange", 2, (0.0, 0.0))
-            if speeds[1] > speeds[0]:
-                changes["max_speed"] = float(np.abs(speeds).max()) / max(gear, 1e-9)
-        elif element.tag == "motor" and "max_torque" not in changes:
-            torques = numbers(element, "ctrlrange", 2, (0.0, 0.0))
-            if torques[1] > torques[0]:
-                changes["max_torque"] = gear * float(np.abs(torques).max())
-        self.joints[k] = replace(joint, **changes)
-
-    def _pose(self, element: Element) -> tuple[Matrix, Vector]:
-        """Return rotation and position of an element in its parent."""
-        given, unit = element.attributes, pi / 180.0 if self.degrees else 1.0
-        rotation = np.eye(3)
-        if "quat" in given:
-            rotation = from_quaternion(*numbers(element, "quat", 4).tolist())
-        elif "euler" in given:
-            for letter, angle in zip(self.sequence, numbers(element, "euler", 3), strict=True):
-                turn = about(_AXES[letter.lower()], unit * float(angle))
-                rotation = rotation @ turn if letter.islower() else turn @ rotation
-        elif "axisangle" in given:
-            x, y, z, angle = numbers(element, "axisangle", 4).tolist()
-            frame = from_z(np.array([x, y, z]))
-            rotation = frame @ about(2, unit * angle) @ frame.T
-        elif "xyaxes" in given:
-            axes = numbers(element, "xyaxes", 6)
-            rotation = _orthonormal(element.position, axes[:3], axes[3:])
-        elif "zaxis" in given:
-            rotation = from_z(numbers(element, "zaxis", 3))
-        return rotation, numbers(element, "pos", 3, (0.0, 0.0, 0.0))
-
-    def _shape(
-        self, element: Element, rotation: Matrix, position: Vector
-    ) -> tuple[Shape, float] | None:
-        """Return a primitive shape and its mass, kg; None for a mesh and other shapes."""
-        kind = element.attributes.get("type", "sphere")
-        if kind not in {"sphere", "capsule", "ellipsoid", "cylinder", "box"}:
+    def _shape(self, geom: int) -> Shape | None:
+        """Return a primitive shape; None in place of a mesh and for a plane."""
+        model, data = self._model, self._data
+        kind, (a, b, c) = _GEOM(model.geom_type[geom]), model.geom_size[geom].tolist()
+        if kind not in _ROUND | {_GEOM.mjGEOM_BOX} or a <= _POINT:
             return None
-        size = [abs(_nth(element, "size", i)) for i in range(3)]
-        turned, offset = self._pose(element)
-        if "fromto" in element.attributes:
-            ends = numbers(element, "fromto", 6)
-            turned, offset = from_z(ends[3:] - ends[:3]), 0.5 * (ends[:3] + ends[3:])
-            size[1] = 0.5 * float(np.linalg.norm(ends[3:] - ends[:3]))
-        a, b, c = size
-        half, volume = {
-            "sphere": ((a, a, a), 4.0 / 3.0 * pi * a**3),
-            "capsule": ((a, a, a + b), pi * a * a * (2.0 * b + 4.0 / 3.0 * a)),
-            "cylinder": ((a, a, b), 2.0 * pi * a * a * b),
-            "ellipsoid": ((a, b, c), 4.0 / 3.0 * pi * a * b * c),
-            "box": ((a, b, c), 8.0 * a * b * c),
-        }[kind]
-        density = positive_or_zero(element, "density", _DENSITY)
-        mass = positive_or_zero(element, "mass", density * volume)
-        shape = Shape(
-            position + rotation @ offset, rotation @ turned, np.array(half), kind != "box"
+        half = {
+            _GEOM.mjGEOM_SPHERE: (a, a, a),
+            _GEOM.mjGEOM_CAPSULE: (a, a, a + b),
+            _GEOM.mjGEOM_CYLINDER: (a, a, b),
+        }.get(kind, (a, b, c))
+        axes = self._turn @ data.geom_xmat[geom].reshape(3, 3)
+        return Shape(self._place(data.geom_xpos[geom]), axes, np.array(half), kind in _ROUND)
+
+    def _motion(self, joint: int) -> Motion:
+        kind = self._model.jnt_type[joint]
+        turns = kind == mujoco.mjtJoint.mjJNT_HINGE
+        has_axis = turns or kind == mujoco.mjtJoint.mjJNT_SLIDE
+        axis = self._turn @ self._data.xaxis[joint] if has_axis else None
+        return Motion(self._name(joint), axis, turns, bool(self._model.jnt_limited[joint]))
+
+    def _hinge(self, joint: int, body: int) -> Joint:
+        model = self._model
+        inertia = float(model.dof_armature[model.jnt_dofadr[joint]])
+        return Joint(
+            self._name(joint),
+            body,
+            self._turn @ self._data.xaxis[joint],
+            self._place(self._data.xanchor[joint]),
+            inertia=inertia or None,
+            turns_freely=not model.jnt_limited[joint],
         )
-        return shape, mass
 
+    def _name(self, joint: int) -> str:
+        return self._model.joint(joint).name or f"joint{joint}"
 
-def _refuse_macros(root: Element) -> None:
-    queue = [root]
-    for element in queue:  # it grows
-        if element.tag in _MACROS:
-            raise malformed(
-                element.position,
-                f"<{element.tag}> is not supported; save the compiled model by mj_saveLastXML",
-            )
-        queue += element.children
-
-
-def _base(root: Element) -> Element:
-    """Return the first body with a free joint, or else the first body."""
-    bodies = [body for world in root.all("worldbody") for body in world.all("body")]
-    if not bodies:
-        raise malformed(root.position, "there is no body in worldbody")
-    for body in bodies:
-        if body.first("freejoint") or any(
-            joint.attributes.get("type") == "free" for joint in body.all("joint")
-        ):
-            return body
-    return bodies[0]
-
-
-def _add_mass_of_shapes(body: Body, shapes: list[tuple[Shape, float]]) -> None:
-    """Add masses of shapes as boxes of the same extent; an element `inertial` replaces them."""
-    for shape, mass in shapes:
-        if not mass > 0.0:
-            continue
-        before, total = body.mass, body.mass + mass
-        centre = (before * body.com + mass * shape.centre) / total
-        squares = shape.half**2 / (4.0 if shape.is_round else 3.0)
-        up = shape.axes[2]
-        own = mass * float(squares.sum() - squares @ up**2)
-        for part, com in ((before, body.com), (mass, shape.centre)):
-            body.yaw_inertia += part * float(((com - centre)[:2] ** 2).sum())
-        body.yaw_inertia += own
-        body.mass, body.com = total, centre
-
-
-def _orthonormal(position: Position, x: Vector, y: Vector) -> Matrix:
-    z = np.cross(x, y)
-    if not (np.linalg.norm(x) > 0.0 and np.linalg.norm(z) > 0.0):
-        raise malformed(position, "xyaxes needs two independent vectors")
-    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-    return np.column_stack([x, np.cross(z, x), z])
-
-
-def _first(element: Element, name: str, default: float) -> float:
-    return _nth(element, name, 0) if name in element.attributes else default
-
-
-def _nth(element: Element, name: str, i: int) -> float:
-    """Return the number i of an attribute that may hold fewer; 0 if it is missing."""
-    words = element.attributes.get(name, "").split()
-    part = Element(element.tag, {name: words[i] if i < len(words) else "0"}, element.position,
-                   element.malformed)  # fmt: skip
-    return number(part, name)
+    def _place(self, point: Vector) -> Vector:
+        place: Vector = self._turn @ (point - self._origin)
+        return place

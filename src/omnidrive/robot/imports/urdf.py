@@ -11,11 +11,24 @@ from omnidrive.robot.imports.attributes import (
     number,
     numbers,
     positive_or_zero,
+    words,
 )
-from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Shape
+from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Motion, Shape
 from omnidrive.robot.imports.rotations import Matrix, Vector, about
+from omnidrive.robot.imports.wheel_mounts import listed
 
 _HINGES = {"continuous", "revolute"}
+_ROOT_TAGS = {
+    "link", "joint", "material", "transmission", "gazebo", "ros2_control", "sensor", "mujoco",
+}  # fmt: skip
+_LINK_TAGS = {
+    "inertial", "visual", "collision", "contact", "sensor", "self_collision_checking", "verbose",
+    "material",
+}  # fmt: skip
+_MECHANICAL = {
+    "link", "joint", "inertial", "mass", "inertia", "body", "transmission", "actuator", "motor",
+}  # fmt: skip
+_LOCKED = 1e-6  # rad or m; range of a locked joint
 _JOINTS = _HINGES | {"fixed", "prismatic", "floating", "planar"}
 
 
@@ -27,8 +40,13 @@ def read_urdf(root: Element) -> Mechanism:
     Raises:
         InvalidRobot: The text is not the URDF of one tree of links.
     """
-    links = {each.get("name"): each for each in root.all("link")}
-    joints = [each for each in root.all("joint") if "type" in each.attributes]
+    unread = _unread(root)
+    links: dict[str, Element] = {}
+    for link in root.all("link"):
+        if link.get("name") in links:
+            raise malformed(link.position, f"there are two links '{link.get('name')[:40]}'")
+        links[link.get("name")] = link
+    joints = list(root.all("joint"))
     children: dict[str, list[Element]] = {}
     parents: dict[str, str] = {}
     for joint in joints:
@@ -52,7 +70,24 @@ def read_urdf(root: Element) -> Mechanism:
         for joint in children.get(bodies[index].name, []):
             bodies.append(_child(joint, index, links, bodies, hinges))
             queue.append(len(bodies) - 1)
-    return Mechanism(root.attributes.get("name", "robot")[:64], bodies, hinges)
+    return Mechanism(root.attributes.get("name", "robot")[:64], bodies, hinges, words(root), unread)
+
+
+def _unread(root: Element) -> tuple[str, ...]:
+    """Return a warning about elements that URDF does not define; refuse those of a mechanism."""
+    unknown: list[Element] = []
+    for element, tags in [(root, _ROOT_TAGS), *((link, _LINK_TAGS) for link in root.all("link"))]:
+        unknown += [each for each in element.children if each.qualified[0] not in tags]
+    for each in unknown:
+        inner = next((part for part in each.walk() if part.tag in _MECHANICAL), None)
+        if inner is not None:
+            raise malformed(
+                each.position,
+                f"<{each.qualified[0][:40]}> is no element of URDF here, but holds "
+                f"<{inner.qualified[0][:40]}>; write it as link and joint, or remove it",
+            )
+    names = list(dict.fromkeys(f"<{each.qualified[0]}>" for each in unknown))
+    return (f"elements that URDF does not define are not read: {listed(names)}",) if names else ()
 
 
 def _child(
@@ -66,21 +101,36 @@ def _child(
     parent = bodies[index]
     rotation, position = _origin(joint)
     rotation, position = parent.rotation @ rotation, parent.position + parent.rotation @ position
-    name = joint.one("child").get("link")
-    if joint.get("type") in _HINGES:
-        axis, limit = joint.first("axis"), joint.first("limit")
+    name, kind = joint.one("child").get("link"), joint.get("type")
+    axis, limit = joint.first("axis"), joint.first("limit")
+    along = rotation @ (direction(axis, "xyz") if axis else np.array([1.0, 0.0, 0.0]))
+    body = _body(links[name], name, index, rotation, position)
+    if kind in _HINGES | {"prismatic"}:
+        limited = kind != "continuous"
+        if not (limited and limit and _is_locked(limit)):
+            body.motions.append(Motion(joint.get("name"), along, kind in _HINGES, limited))
+    elif kind != "fixed":
+        body.motions.append(Motion(joint.get("name")))
+    if kind in _HINGES:
         hinges.append(
             Joint(
                 joint.get("name"),
                 len(bodies),
-                rotation @ (direction(axis, "xyz") if axis else np.array([1.0, 0.0, 0.0])),
+                along,
                 position,
                 number(limit, "velocity", 0.0) or None if limit else None,
                 number(limit, "effort", 0.0) or None if limit else None,
-                turns_freely=joint.get("type") == "continuous",
+                turns_freely=kind == "continuous",
             )
         )
-    return _body(links[name], name, index, rotation, position)
+    return body
+
+
+def _is_locked(limit: Element) -> bool:
+    """Return whether equal limits are given, which lock a joint."""
+    given = {"lower", "upper"} & limit.attributes.keys()
+    lower, upper = number(limit, "lower", 0.0), number(limit, "upper", 0.0)
+    return bool(given) and abs(upper - lower) < _LOCKED
 
 
 def _body(link: Element, name: str, parent: int, rotation: Matrix, position: Vector) -> Body:
