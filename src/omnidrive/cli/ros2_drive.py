@@ -88,6 +88,15 @@ def drive(
     ] = None,
     out: _LogsOption = None,
     no_log: _NoLogOption = False,
+    allow_code: Annotated[
+        bool,
+        flag(
+            "Import code that the parameter file names, such as mine.py:MyController; only for "
+            "files that you trust.",
+            None,
+            "--allow-code",
+        ),
+    ] = False,
     domain: DomainOption = None,
     peers: PeersOption = None,
     distribution: DistributionOption = None,
@@ -112,6 +121,11 @@ def drive(
         base_frame=base_frame, cmd_vel=cmd_vel, odom=odom, plan=plan, initial_pose=initial_pose,
         use_sim_time=use_sim_time,
     )  # fmt: skip
+    try:  # the user names the controller of the option
+        settings.import_controller(allow_code=allow_code or controller is not None)
+    except InvalidInput as error:
+        place = "" if params is None or controller is not None else f"{one_line(str(params))}: "
+        raise InvalidInput(f"{place}{error}") from None
     if serve and reference is not None:
         raise InvalidInput("--serve follows the paths of its goals: leave out --reference")
     if out is not None and no_log:
