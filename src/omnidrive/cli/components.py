@@ -31,7 +31,7 @@ RUN_TASKS = tuple(name for name in get_args(TaskName) if name != "horizon")
 
 
 def with_controllers(
-    scenario: study.Scenario, texts: Sequence[str], *, allow_code: bool
+    scenario: study.Scenario, texts: Sequence[str], *, allow_code: bool = False
 ) -> study.Scenario:
     """Return the scenario with these controllers only.
 
@@ -78,7 +78,12 @@ def with_controllers(
 
 
 def one_run(
-    scenario: study.Scenario, controller: str, task: str, horizon: int | None, *, allow_code: bool
+    scenario: study.Scenario,
+    controller: str,
+    task: str,
+    horizon: int | None,
+    *,
+    allow_code: bool = False,
 ) -> study.Scenario:
     """Return the scenario with one controller and the first duration of one task.
 

@@ -91,7 +91,10 @@ class StoredStudy(NamedTuple):
         number, key = self.table["number"][0].as_py(), self.table["key"][0].as_py()
         if number < len(plan) and plan.keys(number, number + 1) == [key]:
             return {name: version(name) for name in VERSIONS}
-        return {"Versions": "other ones, or other files, than those that are installed now"}
+        fact = "other ones, or other files, than those that are installed now"
+        if self.definition.names_code:
+            fact += "; or the code of the study was not imported, which needs --allow-code"
+        return {"Versions": fact}
 
 
 def read_study(folder: StrPath, *, allow_code: bool | CodePermission = False) -> StoredStudy:
