@@ -52,7 +52,7 @@ class Stranger:
 
     def __init__(self, folder):
         self.folder, self.law = folder, f"{folder / 'law.py'}:Law"
-        (folder / "law.py").write_text(CODE, encoding="utf-8")
+        (folder / "law.py").write_text(f"# {folder}\n{CODE}", encoding="utf-8")  # not imported yet
         data = scenario_data(small_scenario(controllers=["feedforward"]))
         scenario = data | {"controllers": {"own": self.law}, "tasks": TASKS}
         study = {"format": "omnidrive-study-1", "name": "s", "scenario": scenario}
