@@ -115,7 +115,7 @@ def compare(
             "--controllers takes names only; give parameters with --controller NAME,KEY=VALUE"
         )
     chosen = [*(controllers.split(",") if controllers else ()), *(controller or ())]
-    resolved = _restrict(shared.resolve(), chosen, tasks, noise_seeds)
+    resolved = _restrict(shared.resolve(), chosen, tasks, noise_seeds, allow_code=shared.allow_code)
     resolved = with_faults(resolved, fault)
     run_and_print(
         resolved,
@@ -133,11 +133,13 @@ def _restrict(
     controllers: Sequence[str],
     tasks: str | None,
     noise_seeds: int | None,
+    *,
+    allow_code: bool,
 ) -> study.Scenario:
     """Return the scenario with the selected controllers and tasks and the number of seeds."""
     changes: dict[str, object] = {}
     if controllers:
-        scenario = with_controllers(scenario, controllers)
+        scenario = with_controllers(scenario, controllers, allow_code=allow_code)
     if tasks is not None:
         names = get_args(TaskName)
         selected = choose_many("task", tasks, names)

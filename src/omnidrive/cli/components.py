@@ -30,7 +30,9 @@ RUN_TASKS = tuple(name for name in get_args(TaskName) if name != "horizon")
 """Tasks with runs of single controllers."""
 
 
-def with_controllers(scenario: study.Scenario, texts: Sequence[str]) -> study.Scenario:
+def with_controllers(
+    scenario: study.Scenario, texts: Sequence[str], *, allow_code: bool = False
+) -> study.Scenario:
     """Return the scenario with these controllers only.
 
     Args:
@@ -38,28 +40,32 @@ def with_controllers(scenario: study.Scenario, texts: Sequence[str]) -> study.Sc
         texts: Each ``[LABEL=]TYPE[,KEY=VALUE...]``. The type is a label of the scenario, whose
             parameters apply unless another value is given, the name of a component, or a controller
             file.
+        allow_code: Whether code may be imported that a controller file names.
 
     Raises:
         InvalidInput: A controller does not exist, a value is invalid, or two labels are alike.
     """
+    from omnidrive.components.code import CodePermission
     from omnidrive.study.controller_file import (
         is_controller_file,
         label_of_file,
-        load_controller,
+        permitted_controller,
     )
     from omnidrive.study.former import OLD_CONTROLLERS
     from omnidrive.study.scenario_file import parse_scenario, scenario_data
+    from omnidrive.study.scenario_path import allow_named
 
     controllers: dict[str, Any] = {}
     own = scenario_data(scenario)["controllers"]
     for text in texts:
         given = _current(components.parse_specification(text), OLD_CONTROLLERS)
         if is_controller_file(given.type):
-            found = load_controller(given.type)
+            found = permitted_controller(given.type, CodePermission.of(allow_code))
             label = label_of_file(given.type) if given.label == given.type else given.label
             given = components.Specification(label, given.type, given.values)
         else:
             found = {"type": given.type}
+            allow_named("controllers", found)
         if given.label.lower() in map(str.lower, controllers):
             raise InvalidInput(
                 f"two controllers are labelled '{given.label}'; name one of them, such as "
@@ -72,7 +78,12 @@ def with_controllers(scenario: study.Scenario, texts: Sequence[str]) -> study.Sc
 
 
 def one_run(
-    scenario: study.Scenario, controller: str, task: str, horizon: int | None
+    scenario: study.Scenario,
+    controller: str,
+    task: str,
+    horizon: int | None,
+    *,
+    allow_code: bool = False,
 ) -> study.Scenario:
     """Return the scenario with one controller and the first duration of one task.
 
@@ -81,11 +92,12 @@ def one_run(
         controller: The controller, as for :func:`with_controllers`.
         task: Task with runs of single controllers.
         horizon: Prediction horizon of the controller, in steps; None: its own.
+        allow_code: As for :func:`with_controllers`.
 
     Raises:
         InvalidInput: There is no such controller or task, or the controller has no horizon.
     """
-    scenario = with_controllers(scenario, [controller])
+    scenario = with_controllers(scenario, [controller], allow_code=allow_code)
     chosen = choose_one("task", task, RUN_TASKS)
     if horizon is not None:
         (label,) = scenario.controllers
@@ -93,7 +105,7 @@ def one_run(
             raise InvalidInput(
                 f"--horizon applies to controllers with the parameter horizon, not to {label}"
             )
-        scenario = with_controllers(scenario, [f"{label},horizon={horizon}"])
+        scenario = with_controllers(scenario, [f"{label},horizon={horizon}"], allow_code=allow_code)
     tasks = study.one_task(study.with_task(scenario, [chosen]).tasks, chosen)
     return scenario.model_copy(update={"tasks": tasks})
 

@@ -72,7 +72,8 @@ def drive(
     if out is not None:
         study.check_new_folder(out)
     chosen = chosen_component("links", link)
-    scenario = _with_rate(one_run(shared.resolve(), controller, "track", None), rate)
+    scenario = one_run(shared.resolve(), controller, "track", None, allow_code=shared.allow_code)
+    scenario = _with_rate(scenario, rate)
     planned = study.plan_and_check(scenario)
     (label,) = scenario.controllers
     folder = study.RunFolder(

@@ -93,7 +93,9 @@ def _replay(logged: LoggedDrive, controller: str | None, *, allow_code: bool) ->
     if found is not None:
         return replay_log(logged, *found)
     with scenario_of_log(logged.files, allow_code=allow_code) as scenario:
-        chosen = with_controllers(scenario, [controller]) if controller else scenario
+        chosen = scenario
+        if controller:
+            chosen = with_controllers(scenario, [controller], allow_code=allow_code)
         planned = study.plan_and_check(chosen)
         label, *_ = planned.scenario.controllers
         reference = planned.reference(study.planned_duration(planned))

@@ -48,6 +48,15 @@ _LogsOption = Annotated[
     ),
 ]
 _NoLogOption = Annotated[bool, flag("Write no logs.", RESULTS_PANEL, "--no-log")]
+_CodeOption = Annotated[
+    bool,
+    flag(
+        "Import code that the parameter file names, such as mine.py:MyController; only for files "
+        "that you trust.",
+        None,
+        "--allow-code",
+    ),
+]
 _ServeOption = Annotated[
     bool,
     flag(
@@ -88,6 +97,7 @@ def drive(
     ] = None,
     out: _LogsOption = None,
     no_log: _NoLogOption = False,
+    allow_code: _CodeOption = False,
     domain: DomainOption = None,
     peers: PeersOption = None,
     distribution: DistributionOption = None,
@@ -106,8 +116,7 @@ def drive(
     """
     options = node_options(domain, peers, distribution)
     settings = _drive_settings(
-        params,
-        node_name,
+        params, node_name, allow_code,
         robot=robot, controller=controller, rate=rate, speed=speed, world_frame=world_frame,
         base_frame=base_frame, cmd_vel=cmd_vel, odom=odom, plan=plan, initial_pose=initial_pose,
         use_sim_time=use_sim_time,
@@ -121,14 +130,23 @@ def drive(
         raise typer.Exit(1)
 
 
-def _drive_settings(params: Path | None, node: str, **options: Any) -> DriveSettings:
+def _drive_settings(
+    params: Path | None, node: str, allow_code: bool, **options: Any
+) -> DriveSettings:
     """Return the settings of a file, if there is one, with the options."""
     from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 
     settings = DriveSettings()
     if params is not None:
         settings = settings.with_values(read_parameters(params, node), f"{one_line(str(params))}: ")
-    return settings.with_values(options)
+    settings = settings.with_values(options)
+    named = options["controller"] is not None  # by the user
+    try:
+        settings.import_controller(allow_code=allow_code or named)
+    except InvalidInput as error:
+        place = "" if params is None or named else f"{one_line(str(params))}: "
+        raise InvalidInput(f"{place}{error}") from None
+    return settings
 
 
 def _logs(folder: Path | None, settings: DriveSettings) -> LogFolder | None:

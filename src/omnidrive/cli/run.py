@@ -85,7 +85,8 @@ def run(
         check_film(video)
     if save_robot is not None:
         check_robot_file(save_robot, force=force)
-    resolved = with_faults(one_run(shared.resolve(), controller, task, horizon), fault)
+    scenario = one_run(shared.resolve(), controller, task, horizon, allow_code=shared.allow_code)
+    resolved = with_faults(scenario, fault)
     (label,) = resolved.controllers
     folder = out or default_folder(f"{resolved.name}-{label}-{task}")
     with ExitStack() as stack:

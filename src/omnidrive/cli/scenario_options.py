@@ -238,6 +238,7 @@ class ScenarioOptions:
         """
         from omnidrive.planning import Waypoint
         from omnidrive.study.scenario_file import parse_scenario, scenario_data
+        from omnidrive.study.scenario_path import allow_named
 
         preset = (
             choose_one("preset", self.preset, get_args(PresetName))
@@ -272,7 +273,10 @@ class ScenarioOptions:
                 (scenario.sensors or study.SensorsSection()) if self.estimator else None
             )
         scenario = scenario.model_copy(update=changes)
-        scenario = parse_scenario(self._with_keys(scenario_data(scenario)), "with these options")
+        for name in ("plant", "reference"):
+            allow_named(name, changes.get(name))
+        data = self._with_keys(scenario_data(scenario))
+        scenario = parse_scenario(data, "with these options")
         self._check_path_options(scenario)
         given = self.duration is not None or self.speed is not None
         if retimed and (on_map or given or scenario.reference != present):

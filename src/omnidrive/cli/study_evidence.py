@@ -15,8 +15,8 @@ StudyArgument = Annotated[
 ]
 AllowCodeOption = Annotated[
     bool,
-    flag("Accept controllers by module or file in the study file; only for files you trust.",
-         None, "--allow-code"),
+    flag("Describe code that the study file names, too, which is imported; only for files that "
+         "you trust.", None, "--allow-code"),
 ]  # fmt: skip
 
 
@@ -65,7 +65,6 @@ def export(
     timing: Annotated[
         bool, flag("Add the computing times, which differ from study to study.", RESULTS_PANEL)
     ] = False,
-    allow_code: AllowCodeOption = False,
 ) -> None:
     """Write all runs of a study as one table, one row per run.
 
@@ -80,7 +79,7 @@ def export(
     """
     from omnidrive.study.stored_study import export_study, read_study
 
-    found = read_study(folder, allow_code=allow_code)
+    found = read_study(folder)
     export_study(found, out, timing=timing)
     conclude(f"{found.table.num_rows} runs written to {out}")
 
@@ -88,7 +87,6 @@ def export(
 def diff(
     first: StudyArgument,
     second: StudyArgument,
-    allow_code: AllowCodeOption = False,
     json: JsonOption = False,
 ) -> None:
     """Compare two studies run by run.
@@ -106,7 +104,7 @@ def diff(
     from omnidrive.evaluation.study_difference import difference_record, difference_table
     from omnidrive.study.stored_study import compare_studies, read_study
 
-    studies = [read_study(folder, allow_code=allow_code) for folder in (first, second)]
+    studies = [read_study(folder) for folder in (first, second)]
     found = compare_studies(*studies)
     if json:
         print_json(difference_record(found))

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from omnidrive.cli.compile_status import displays
 from omnidrive.cli.options import available_cores
-from omnidrive.cli.terminal import conclude, count_text, encodable, is_quiet, show
+from omnidrive.cli.terminal import conclude, count_text, encodable, escaped, is_quiet, show
 from omnidrive.evaluation.stop_rule import StopRule
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.experiment import Progress
@@ -119,7 +119,7 @@ class StudyProgress:
     def _refresh(self) -> None:
         """Draw the line that changes."""
         parts = (self._shown, self._note, self._compiling)
-        self._live.update(Text("; ".join(each for each in parts if each)), refresh=True)
+        self._live.update(Text(escaped("; ".join(each for each in parts if each))), refresh=True)
 
     def _show_compiling(self, what: str) -> None:
         """Show what is being compiled; an empty text: nothing."""

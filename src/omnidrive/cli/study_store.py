@@ -52,12 +52,13 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
     * `omnidrive study status runs/friction`
     """
     from omnidrive.cli.terminal import count_text, print_json, show
+    from omnidrive.components.code import CodePermission
     from omnidrive.study.claims import at_work
     from omnidrive.study.run_plan import RunPlan
     from omnidrive.study.store import Store
     from omnidrive.study.study_folder import load_study
 
-    definition, until = load_study(folder, allow_code=True)
+    definition, until = load_study(folder, allow_code=CodePermission.UNREAD)
     planned = len(RunPlan(definition))
     with Store(folder, read_only=True) as store:
         found, working = store.status(), at_work(store)
@@ -74,7 +75,8 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
         show(f"  run {number}: {reason}")
     show(f"at work: {working.runs:,} runs in {working.processes} processes")
     if found.runs < planned and not working.processes:
-        show(f"continue with: omnidrive study resume {folder}")
+        code = " --allow-code" if definition.names_code else ""
+        show(f"continue with: omnidrive study resume {folder}{code}")
 
 
 def resume(

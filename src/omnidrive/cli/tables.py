@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from omnidrive.cli.terminal import is_quiet
+from omnidrive.cli.terminal import escaped, is_quiet
 from omnidrive.evaluation import Table
 
 _FILE_WIDTH = 160  # characters; the tables of a study with one seed fit
@@ -34,7 +34,7 @@ def print_tables(tables: Sequence[Table], *, full: bool = True) -> None:
     shown = tables if full else [table.brief() for table in tables if not table.is_detail]
     for table in shown:
         if table.lead:
-            console.print(Text(table.lead, style="bold"))
+            console.print(Text(escaped(table.lead), style="bold"))
         wide = len(_split(table, console.width)) > 1
         _print(console, table.compact if wide and table.compact is not None else table)
 
@@ -43,9 +43,11 @@ def _print(console: Console, table: Table) -> None:
     parts = _split(table, console.width)
     for part in parts:
         drawn = RichTable(
-            title=Text(table.title if part is parts[0] else f"{table.title} (continued)"),
+            title=Text(escaped(table.title if part is parts[0] else f"{table.title} (continued)")),
             title_justify="left",
-            caption=Text(_caption(table)) if part is parts[-1] and _caption(table) else None,
+            caption=Text(escaped(_caption(table)))
+            if part is parts[-1] and _caption(table)
+            else None,
             caption_justify="left",
         )
         headings = sum(3 + max(len(table.columns[i]), _min_width(table, i)) for i in part)
@@ -82,7 +84,7 @@ def _min_width(table: Table, i: int) -> int:
 
 
 def _cell(table: Table, row: int, i: int) -> str:
-    return (_MARK if (row, i) in table.best else "") + table.rows[row][i]
+    return (_MARK if (row, i) in table.best else "") + escaped(table.rows[row][i])
 
 
 def _is_prose(table: Table, i: int) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import sys
 from typing import Annotated, Any, ClassVar
 
@@ -11,6 +12,7 @@ import typer
 
 from omnidrive.errors import one_line
 
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 _LONGEST = 10_000  # characters of a line about results or input
 
 
@@ -79,7 +81,15 @@ def _echo(text: str, *, err: bool = False) -> None:
 def encodable(text: str, encoding: str | None) -> str:
     """Return ``text`` with an escape for each character, as of a file name, that has no code."""
     name = encoding or "utf-8"
-    return text.encode(name, "backslashreplace").decode(name)
+    return escaped(text).encode(name, "backslashreplace").decode(name)
+
+
+def escaped(text: str) -> str:
+    """Return ``text`` with escapes for control characters, except ends of lines and tabs.
+
+    Names in files may hold sequences that change the terminal.
+    """
+    return _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
 
 
 class NoteHandler(logging.Handler):

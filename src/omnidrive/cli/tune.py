@@ -144,7 +144,9 @@ def tune(
     if (folder / "tuning.yaml").is_file():
         problem = tuning.load_tuning(folder, allow_code=shared.allow_code, **given)
     else:
-        scenario, label = _with_controller(shared.resolve(), controller)
+        scenario, label = _with_controller(
+            shared.resolve(), controller, allow_code=shared.allow_code
+        )
         given |= {"objectives": objective, "limits": limit, "parameters": parameters}
         problem = tuning.Tuning.of(
             scenario,
@@ -189,10 +191,12 @@ class TuningProgress:
             self._done += 1
 
 
-def _with_controller(scenario: study.Scenario, text: str | None) -> tuple[study.Scenario, str]:
+def _with_controller(
+    scenario: study.Scenario, text: str | None, *, allow_code: bool
+) -> tuple[study.Scenario, str]:
     """Return the scenario with the controller to tune, and its label."""
     if text is not None:
-        scenario = with_controllers(scenario, [text])
+        scenario = with_controllers(scenario, [text], allow_code=allow_code)
     elif len(scenario.controllers) > 1:
         raise InvalidInput(
             f"--controller is needed: the scenario has {', '.join(scenario.controllers)}"

@@ -34,6 +34,9 @@ except ImportError:  # Windows
 _log = logging.getLogger("omnidrive.compiled.cache")
 _config: Any = config  # it has no types
 
+_NUMBA_FILE = ".numba_config.yaml"
+_OF_FILE = "" if "NUMBA_CACHE_DIR" in os.environ else _config.CACHE_DIR
+
 _DAY = 86400.0
 _MAX_UNUSED_DAYS, _MAX_FILES = 60, 4000
 _MAX_BYTES = 100_000_000  # of a file
@@ -173,8 +176,16 @@ def usable_folder() -> CacheFolder | None:
     It is a subfolder of NUMBA_CACHE_DIR if that is set; otherwise it is beside this file if
     that can be written, or in ~/.cache. A folder that others may write is not used. If there is
     none, :data:`failures` holds the reason.
+
+    Numba also reads a file of the working folder, which may be somebody else's: it does not choose
+    the folder.
     """
-    return _first_usable(_config.CACHE_DIR)
+    chosen = _config.CACHE_DIR
+    if os.environ.get("NUMBA_CACHE_DIR") != chosen and (
+        chosen == _OF_FILE or os.path.isfile(_NUMBA_FILE)
+    ):
+        chosen = ""
+    return _first_usable(chosen)
 
 
 @cache

@@ -225,6 +225,35 @@ class Component:
         )
 
 
+class UnreadComponent(Component):
+    """A component by its name only, whose code was not imported; it cannot be made.
+
+    Its parameters are a dictionary of the values as they are given.
+    """
+
+    @classmethod
+    def named(cls, group: str, name: str) -> UnreadComponent:
+        """Return the component of a name."""
+
+        def factory() -> Any:
+            """Refuse to make a product."""
+            raise InvalidInput(
+                f"the {noun(group)} '{one_line(name)}' is code that was not imported; read its "
+                "file with --allow-code (in Python: allow_code=True)"
+            )
+
+        return cls(group, name, "code that was not imported", factory)
+
+    @property
+    def summary(self) -> str:
+        """Empty: the code was not imported."""
+        return ""
+
+    def parse(self, values: Mapping[str, Any]) -> Any:
+        """Return the values as they are."""
+        return dict(values)
+
+
 def failure_text(error: BaseException) -> str:
     """Return a colon, the innermost calls of the component's code and the exception, as text."""
     if isinstance(error, PydanticUserError):  # its other lines are advice to authors of models

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter
 from pydantic_core import CoreSchema, core_schema
 
-from omnidrive.components.component import Component
+from omnidrive.components.code import CodePermission, allow
+from omnidrive.components.component import Component, UnreadComponent
 from omnidrive.components.entry_points import Group, component_names
 from omnidrive.components.fields import plain
 from omnidrive.components.registry import find_component
@@ -19,7 +20,10 @@ from omnidrive.errors import InvalidInput, MissingExtra, short_repr
 
 _OBJECT = "Python object"  # origin of a component that was not found by a name
 ALLOW_CODE = "allow_code"
-"""Key of pydantic's validation context: whether code that is not installed may be imported."""
+"""Key of pydantic's validation context: whether code that is not installed may be imported.
+
+Readers of files always set it. Without it, a Python program states the values, and names the code
+itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +93,7 @@ class Configured:
 
     def has_parameter(self, name: str) -> bool:
         """Return whether the component has a parameter ``name``."""
-        return name in self.component.parameter_names
+        return name in {*self.component.parameter_names, *self.values}
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Configured):
@@ -109,11 +113,16 @@ class Configured:
         component = self.component
         if component.origin == _OBJECT:
             return _configure_object, (component.group, component.factory, self.values)
-        return configure, (component.group, component.name, self.values)
+        again = _unread if isinstance(component, UnreadComponent) else configure
+        return again, (component.group, component.name, self.values)
 
 
 def configure(
-    group: Group, name: str, values: Mapping[str, Any] | None = None, *, allow_code: bool = True
+    group: Group,
+    name: str,
+    values: Mapping[str, Any] | None = None,
+    *,
+    allow_code: bool | CodePermission = True,
 ) -> Configured:
     """Return a component with parameters.
 
@@ -121,7 +130,7 @@ def configure(
         group: Group of the component.
         name: Name of the component, see :func:`find_component`.
         values: Values of parameters; the others have their defaults.
-        allow_code: Whether code that is not installed may be imported.
+        allow_code: Whether code that is not installed may be imported; False for a name in a file.
 
     Raises:
         InvalidInput: There is no such component, or it cannot be imported.
@@ -131,11 +140,22 @@ def configure(
     return Configured(component, component.parse(values or {}))
 
 
+def _unread(group: Group, name: str, values: Mapping[str, Any]) -> Configured:
+    """Return a component whose code is not imported."""
+    return configure(group, name, values, allow_code=CodePermission.UNREAD)
+
+
 def _configure_object(group: str, factory: Any, values: Mapping[str, Any]) -> Configured:
     """Return a component whose factory is a Python object, not a name."""
     name = f"{factory.__module__}:{getattr(factory, '__qualname__', repr(factory))}"
+    allow({name})  # the code is there already
     component = Component(group, name, _OBJECT, factory)
     return Configured(component, component.parse(values))
+
+
+def permission_in(info: Any, default: bool = True) -> CodePermission:
+    """Return the permission in pydantic's ``info`` of a validation."""
+    return CodePermission.of((info.context or {}).get(ALLOW_CODE, default))
 
 
 class OfGroup(NamedTuple):
@@ -168,11 +188,10 @@ class OfGroup(NamedTuple):
         name = values.pop("type", self.default)
         if not (isinstance(name, str) or callable(name)):
             raise ValueError("needs 'type', the name of a component")  # noqa: TRY004
-        allowed = (info.context or {}).get(ALLOW_CODE, True)
         try:
             if not isinstance(name, str):
                 return _configure_object(self.group, name, values)
-            return configure(self.group, name, values, allow_code=allowed)
+            return configure(self.group, name, values, allow_code=permission_in(info))
         except (InvalidInput, MissingExtra) as error:
             raise ValueError(str(error)) from None
 

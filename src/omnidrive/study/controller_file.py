@@ -8,8 +8,9 @@ from typing import Any
 
 import yaml
 
-from omnidrive.components import Configured
-from omnidrive.errors import InvalidScenario, one_line, short_repr
+from omnidrive.components import Configured, find_component
+from omnidrive.components.code import CodePermission, is_code
+from omnidrive.errors import InvalidInput, InvalidScenario, one_line, short_repr
 from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
@@ -38,6 +39,22 @@ def load_controller(path: StrPath) -> dict[str, Any]:
     values = {key: value for key, value in data.items() if key != "format"}
     if not isinstance(values.get("type"), str):
         raise InvalidScenario(f"{name} needs 'type', the name of a controller")
+    return values
+
+
+def permitted_controller(path: StrPath, permission: CodePermission) -> dict[str, Any]:
+    """Read the file of a controller, whose code needs a permission whoever names the file.
+
+    Raises:
+        InvalidScenario: As :func:`load_controller`.
+        InvalidInput: Its type is code that is not allowed or cannot be imported.
+    """
+    values = load_controller(path)
+    if is_code(values["type"]):
+        try:
+            find_component("controllers", values["type"], allow_code=permission)
+        except InvalidInput as error:
+            raise InvalidInput(f"{one_line(str(path))}: {error}") from None
     return values
 
 

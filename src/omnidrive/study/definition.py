@@ -7,12 +7,14 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, get_args
 
+from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidStudy
 from omnidrive.parameter import check_choice
 from omnidrive.study.axes import Axis
 from omnidrive.study.random_factors import RandomFactors
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import scenario_data
+from omnidrive.study.scenario_path import code_in
 
 FORMAT = "omnidrive-study-1"
 """Name and version of the file format."""
@@ -79,6 +81,17 @@ class StudyDefinition:
     def data(self) -> dict[str, Any]:
         """The base scenario as plain data."""
         return scenario_data(self.scenario)
+
+    @property
+    def names_code(self) -> bool:
+        """Whether a component is code that is not installed, so that its file needs permission."""
+        values: list[tuple[str, Any]] = list(self.data.items())
+        for axis in self.axes:
+            for settings in axis.settings:
+                values += [(".".join(map(str, each.keys)), each.value) for each in settings]
+        for factor in self.random.factors:
+            values += [(factor.path, each) for each in factor.choices]
+        return any(True for path, value in values for _ in code_in(path, plain(value)))
 
     @property
     def factor_names(self) -> tuple[str, ...]:

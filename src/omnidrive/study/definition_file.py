@@ -12,6 +12,7 @@ import yaml
 from pydantic import Field, ValidationError
 
 from omnidrive.choices import PresetName
+from omnidrive.components.code import CodePermission
 from omnidrive.components.configured import ALLOW_CODE
 from omnidrive.errors import InvalidInput, InvalidStudy, one_line, short_repr, suggestion
 from omnidrive.files.output_file import output_file
@@ -39,6 +40,7 @@ from omnidrive.study.scenario_file import (
 )
 from omnidrive.study.scenario_path import (
     Setting,
+    allow_named,
     beside,
     find_keys,
     relocated,
@@ -75,14 +77,17 @@ def study_names() -> tuple[str, ...]:
 
 
 def load_definition(
-    source: StrPath, *, changes: Mapping[str, Any] | None = None, allow_code: bool = False
+    source: StrPath,
+    *,
+    changes: Mapping[str, Any] | None = None,
+    allow_code: bool | CodePermission = False,
 ) -> StudyDefinition:
     """Read a study file, or a study of this package by its name.
 
     Args:
         source: The file, or a name of :func:`study_names`.
         changes: Values of settings of the base scenario by their dotted paths; those that are axes
-            or random factors of the study become fixed.
+            or random factors of the study become fixed. Code that they name may be imported.
         allow_code: Whether components may be code that is not installed; only for files that you
             trust.
 
@@ -106,7 +111,7 @@ def parse_definition(
     file: StrPath | None = None,
     *,
     changes: Mapping[str, Any] | None = None,
-    allow_code: bool = True,
+    allow_code: bool | CodePermission = False,
 ) -> StudyDefinition:
     """Validate ``data`` and return the study.
 
@@ -124,6 +129,8 @@ def parse_definition(
     given = _parse_file(data, where)
     try:
         scenario = _base_scenario(given.scenario, move, allow_code)
+        for path, value in (changes or {}).items():
+            allow_named(path, value)
         fixed = {**given.set, **(changes or {})}
         scenario = _with_fixed(scenario, fixed, {*given.set}, move, allow_code)
     except InvalidInput as error:
@@ -163,7 +170,9 @@ def _parse_file(data: Any, where: str) -> _StudyFile:
         raise InvalidStudy(f"{where}: {listed(problems_of(error, _StudyFile))}") from None
 
 
-def _base_scenario(source: Any, move: Callable[[str], str], allow_code: bool) -> Scenario:
+def _base_scenario(
+    source: Any, move: Callable[[str], str], allow_code: bool | CodePermission
+) -> Scenario:
     """Return the scenario of a preset, of a file, or of its data."""
     if isinstance(source, str):
         if source in get_args(PresetName):
@@ -179,7 +188,7 @@ def _base_scenario(source: Any, move: Callable[[str], str], allow_code: bool) ->
     return _validated({"name": "base", **relocated(source, (), move)}, allow_code)
 
 
-def _validated(data: dict[str, Any], allow_code: bool) -> Scenario:
+def _validated(data: dict[str, Any], allow_code: bool | CodePermission) -> Scenario:
     try:
         return Scenario.model_validate(data, context={ALLOW_CODE: allow_code})
     except ValidationError as error:
@@ -191,7 +200,7 @@ def _with_fixed(
     fixed: Mapping[str, Any],
     of_file: set[str],
     move: Callable[[str], str],
-    allow_code: bool,
+    allow_code: bool | CodePermission,
 ) -> Scenario:
     """Return the scenario with fixed settings; file names of the study file are beside it."""
     data = scenario_data(scenario)

@@ -10,6 +10,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from omnidrive.choices import TaskName
+from omnidrive.components.code import CodePermission
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidInput, InvalidStudy, one_line, short_repr, suggestion
 from omnidrive.study.axes import Axis, Label, moved_files, parse_axis
@@ -35,7 +36,9 @@ class DefinitionParser:
         problems: Messages about all invalid keys and values.
     """
 
-    def __init__(self, scenario: Scenario, move: Callable[[str], str], allow_code: bool) -> None:
+    def __init__(
+        self, scenario: Scenario, move: Callable[[str], str], allow_code: bool | CodePermission
+    ) -> None:
         self.problems: list[str] = []
         self._scenario, self._data = scenario, scenario_data(scenario)
         self._move, self._allow_code = move, allow_code

@@ -6,11 +6,12 @@ import re
 import warnings
 from typing import Any
 
+from omnidrive.components.configured import permission_in
 from omnidrive.errors import short_repr
 from omnidrive.study.controller_file import (
     is_controller_file,
     label_of_file,
-    load_controller,
+    permitted_controller,
 )
 from omnidrive.study.section import Renamed, current_name
 
@@ -31,8 +32,12 @@ _CONTROLLER_SECTIONS = {
 _SCENE = "coppeliasim"  # former section of the plant of this name
 
 
-def by_label(value: Any) -> Any:
+def by_label(value: Any, info: Any) -> Any:
     """Return controllers by label; a list of names becomes a mapping, and files are read.
+
+    Args:
+        value: Value of the scenario key ``controllers``.
+        info: Pydantic's, with the permission to import code: files need it, whoever names them.
 
     Raises:
         ValueError: Two labels are alike, also if they differ in case only, or a file is invalid.
@@ -42,9 +47,9 @@ def by_label(value: Any) -> Any:
             raise ValueError("must be names, or a mapping of labels to controllers")
         names = [current_name(item, OLD_CONTROLLERS) for item in value]
         labels = [label_of_file(each) if is_controller_file(each) else each for each in names]
-        named = list(zip(labels, map(_current, names), strict=True))
+        named = list(zip(labels, [_current(each, info) for each in names], strict=True))
     elif isinstance(value, dict):
-        named = [(label, _current(each)) for label, each in value.items()]
+        named = [(label, _current(each, info)) for label, each in value.items()]
     else:
         return value
     for label, _ in named:
@@ -60,22 +65,22 @@ def by_label(value: Any) -> Any:
     return dict(named)
 
 
-def _current(controller: Any) -> Any:
+def _current(controller: Any, info: Any) -> Any:
     """Return a controller with the present name of its type; that of a file is read."""
     if is_controller_file(controller):
-        controller = load_controller(controller)
+        controller = permitted_controller(controller, permission_in(info, default=False))
     if isinstance(controller, dict) and "type" in controller:
         return controller | {"type": current_name(controller["type"], OLD_CONTROLLERS)}
     return current_name(controller, OLD_CONTROLLERS)
 
 
-def without_former_sections(data: dict[Any, Any]) -> dict[Any, Any]:
+def without_former_sections(data: dict[Any, Any], info: Any) -> dict[Any, Any]:
     """Move the values of former sections to the controllers and the plant that they configure."""
     found = {name: data[name] for name in (*_CONTROLLER_SECTIONS, _SCENE) if name in data}
     if not found:
         return data
     result = {key: value for key, value in data.items() if key not in found}
-    controllers = result["controllers"] = by_label(data.get("controllers"))
+    controllers = result["controllers"] = by_label(data.get("controllers"), info)
     for section, values in found.items():
         if not isinstance(values, dict):
             raise ValueError(f"{section} must be a mapping, got {short_repr(values)}")  # noqa: TRY004

@@ -10,6 +10,7 @@ from math import ceil, isfinite
 from pathlib import Path
 from typing import Any
 
+from omnidrive.components.code import CodePermission, allow, allowed_code
 from omnidrive.errors import CannotWrite, one_line
 from omnidrive.evaluation.stop_rule import StopRule
 from omnidrive.files.output_file import create_folder, output_file, remove_abandoned
@@ -128,11 +129,12 @@ class NumberedRuns:
     folder: Path
     _plan: RunPlan | None = field(default=None, init=False)
 
-    def __getstate__(self) -> tuple[StudyDefinition, Path]:
-        return self.definition, self.folder
+    def __getstate__(self) -> tuple[frozenset[str], StudyDefinition, Path]:
+        return allowed_code(), self.definition, self.folder
 
-    def __setstate__(self, state: tuple[StudyDefinition, Path]) -> None:
-        self.definition, self.folder = state
+    def __setstate__(self, state: tuple[frozenset[str], StudyDefinition, Path]) -> None:
+        allowed, self.definition, self.folder = state
+        allow(allowed)
         self._plan = None
 
     def __call__(self, numbers: Sequence[int]) -> list[RunRecord]:
@@ -186,7 +188,7 @@ def _prepare_folder(definition: StudyDefinition, path: Path) -> None:
     remove_abandoned(path)
     file = path / DEFINITION_FILE
     if file.is_file():
-        present = load_definition(file, allow_code=True)
+        present = load_definition(file, allow_code=CodePermission.UNREAD)
         if _content(present) != _content(definition):
             raise CannotWrite(
                 f"{one_line(str(path))} holds another study, '{present.name}'; choose another "

@@ -20,6 +20,7 @@ from omnidrive.errors import InvalidReference, OmnidriveError
 from omnidrive.files.bounded_file import read_bounded
 from omnidrive.maps import load_map
 from omnidrive.study.jobs import Job
+from omnidrive.study.scenario_path import CODE_SECTIONS
 from omnidrive.study.variant import robot_in
 
 VERSIONS = ("omnidrive", "numpy", "scipy", "numba", "mujoco")
@@ -81,11 +82,9 @@ def _section_text(name: str, value: Any) -> str:
     if head == "map":
         return _map_text(dumps(value))
     text = _canonical(value)
-    group = {"controllers": "controllers", "plant": "plants", "reference": "references"}.get(head)
-    if group is not None and isinstance(value, dict):
-        text += _origin(group, value["type"])
-    if head == "sensors" and value and value["estimator"]:
-        text += _origin("estimators", value["estimator"]["type"])
+    component = value and value["estimator"] if head == "sensors" else value
+    if head in CODE_SECTIONS and isinstance(component, dict):
+        text += _origin(CODE_SECTIONS[head], component["type"])
     if head == "reference" and isinstance(value, dict) and value["type"] == WAYPOINTS:
         text += _file_digest(value["file"])
     return text
@@ -131,13 +130,17 @@ def _file_digest(file: str) -> str:
     return sha256(content).hexdigest()
 
 
-@cache
 def _origin(group: Group, name: str) -> str:
     """Return distribution and version of a component, or the hash of its code, as a text."""
     try:
-        return f" {find_component(group, name, allow_code=True).origin}"
-    except OmnidriveError:  # a Python object of a session, which no name finds
+        return f" {_known_origin(group, name)}"
+    except OmnidriveError:  # a Python object of a session, or code that was not imported
         return f" {name}"
+
+
+@cache
+def _known_origin(group: Group, name: str) -> str:
+    return find_component(group, name, allow_code=False).origin
 
 
 def plan_digest(keys: Iterable[str]) -> str:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, overload
 
 from pydantic import ValidationError
 
+from omnidrive.components.code import CodePermission
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidStudy
 from omnidrive.study.axes import Axis, Label, label_of
@@ -209,7 +210,7 @@ class RunPlan(Sequence[PlannedRun]):
         if changed == ["seed"]:
             return base.model_copy(update={"seed": data["seed"]})
         try:
-            return variant_of(base, data, changed)
+            return variant_of(base, data, changed, allow_code=CodePermission.UNREAD)
         except ValidationError as error:
             raise InvalidStudy(f"these values together: {listed(problems_of(error))}") from None
 

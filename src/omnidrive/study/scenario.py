@@ -15,6 +15,7 @@ from omnidrive.components import (
     configure,
     find_component,
 )
+from omnidrive.components.component import UnreadComponent
 from omnidrive.errors import InvalidInput, OmnidriveError
 from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Waypoint
@@ -126,7 +127,9 @@ class Scenario(Section):
 
     @property
     def plant_capabilities(self) -> PlantCapabilities:
-        """Capabilities of the scenario's plant."""
+        """Capabilities of the scenario's plant; all, if its code was not imported."""
+        if isinstance(self.plant.component, UnreadComponent):
+            return PlantCapabilities(*[True] * len(PlantCapabilities._fields))
         return static_capabilities(self.plant.component.factory)
 
     @property
@@ -159,8 +162,8 @@ class Scenario(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _former_sections(cls, data: Any) -> Any:
-        return without_former_sections(data) if isinstance(data, dict) else data
+    def _former_sections(cls, data: Any, info: Any) -> Any:
+        return without_former_sections(data, info) if isinstance(data, dict) else data
 
     @model_validator(mode="before")
     @classmethod

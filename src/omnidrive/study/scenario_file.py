@@ -11,6 +11,7 @@ import yaml
 from pydantic import ValidationError
 
 from omnidrive.choices import WAYPOINTS
+from omnidrive.components.code import CodePermission
 from omnidrive.components.configured import ALLOW_CODE
 from omnidrive.components.fields import field_names, field_type, plain
 from omnidrive.errors import InvalidScenario, one_line, short_repr, suggestion
@@ -35,7 +36,7 @@ _MESSAGES = {
 """Messages by pydantic's type of the error."""
 
 
-def load_scenario(path: StrPath, *, allow_code: bool = False) -> Scenario:
+def load_scenario(path: StrPath, *, allow_code: bool | CodePermission = False) -> Scenario:
     """Read a scenario file; paths of its files become relative to the working directory.
 
     Args:
@@ -97,7 +98,9 @@ def scenario_data(scenario: Scenario) -> dict[str, Any]:
     return data
 
 
-def parse_scenario(data: dict[Any, Any], where: str, *, allow_code: bool = True) -> Scenario:
+def parse_scenario(
+    data: dict[Any, Any], where: str, *, allow_code: bool | CodePermission = False
+) -> Scenario:
     """Validate ``data`` and return the scenario.
 
     Args:

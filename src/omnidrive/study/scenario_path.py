@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from omnidrive.choices import WAYPOINTS
-from omnidrive.components import configure
+from omnidrive.components import configure, find_component
+from omnidrive.components.code import is_code
+from omnidrive.components.entry_points import Group
 from omnidrive.components.fields import field_names, field_type
 from omnidrive.errors import InvalidInput, InvalidStudy, one_line, suggestion
 from omnidrive.maps import is_named_map
@@ -37,6 +39,11 @@ class Setting(NamedTuple):
 FIXED = ("format", "name")
 """Keys of a scenario that are no settings of its runs."""
 _WAYPOINTS = ("start", "goal")
+CODE_SECTIONS: dict[str, Group] = {
+    "controllers": "controllers", "plant": "plants", "reference": "references",
+    "sensors": "estimators",
+}  # fmt: skip
+"""Groups of the components that are the values of sections of a scenario."""
 
 
 def find_keys(data: dict[str, Any], path: str, *, addable: bool = False) -> Keys:
@@ -83,16 +90,50 @@ def completed(controller: dict[str, Any], preset: str) -> dict[str, Any]:
 
     Those without a value in use are None, or the names of their groups with None in them.
     """
-    return dict(_completed(dumps(controller), preset))
+    try:
+        return dict(_completed(dumps(controller), preset))
+    except (InvalidInput, ValidationError):  # see below
+        return dict(controller)
+
+
+def code_in(path: str, value: Any) -> Iterator[tuple[Group, str]]:
+    """Yield group and name of all code in a value for a dotted path of a scenario."""
+    head, _, rest = path.partition(".")
+    if head not in CODE_SECTIONS:
+        return
+    if isinstance(value, str):
+        is_type = rest.endswith("type") or "." not in rest
+        if is_type and is_code(value) and (head != "reference" or rest != "file"):
+            yield CODE_SECTIONS[head], value
+    elif isinstance(value, list):
+        for each in value:
+            yield from code_in(path, each)
+    elif isinstance(value, dict):
+        for key in ["type"] if "type" in value else value:
+            yield from code_in(f"{head}.{key}", value[key])
+
+
+def allow_named(path: str, value: Any) -> None:
+    """Import the code that a user names in a value for a dotted path.
+
+    Raises:
+        InvalidInput: It cannot be imported.
+    """
+    for group, name in code_in(path, value):
+        find_component(group, name, allow_code=True)
 
 
 @lru_cache(maxsize=256)
 def _completed(text: str, preset: str) -> dict[str, Any]:
+    """Return the completed data.
+
+    Raises:
+        InvalidInput: It is an object of a session or code that was not imported, or has a parameter
+            of another preset.
+        pydantic.ValidationError: A value is invalid.
+    """
     name, values = (data := loads(text)).pop("type"), data
-    try:
-        configured = configure("controllers", name, values).resolved(preset)
-    except (InvalidInput, ValidationError):  # an object of a session, or another preset's parameter
-        return {"type": name, **values}
+    configured = configure("controllers", name, values, allow_code=False).resolved(preset)
     names = _names(configured.component.parameter_class)
     return {"type": name, **_merged(names, configured.values)}
 

@@ -348,6 +348,7 @@ def _opened(path: Path, *, read_only: bool) -> sqlite3.Connection:
     if not read_only:
         connection = sqlite3.connect(path, timeout=_PATIENCE, isolation_level=None)
         connection.execute("PRAGMA synchronous = FULL")
+        connection.execute("PRAGMA trusted_schema = OFF")
         return connection
     uri = f"{path.absolute().as_uri()}?mode=ro"
     connection = sqlite3.connect(uri, uri=True, timeout=_PATIENCE, isolation_level=None)

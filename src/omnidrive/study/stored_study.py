@@ -14,6 +14,7 @@ import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
+from omnidrive.components.code import CodePermission
 from omnidrive.errors import InvalidInput, one_line
 from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.results import ControllerType
@@ -63,7 +64,7 @@ class StoredStudy(NamedTuple):
         """Return what the report states beside the results."""
         definition, plan = self.definition, RunPlan(self.definition)
         until = f" --until {self.until}" if self.until else ""
-        scenario = definition.scenario
+        scenario, code = definition.scenario, " --allow-code" if definition.names_code else ""
         return StudyFacts(
             name=definition.name,
             question=definition.question,
@@ -71,9 +72,9 @@ class StoredStudy(NamedTuple):
             types={label: _controller_type(each) for label, each in scenario.controllers.items()},
             planned=0 if self.until else len(plan),
             definition=self.text,
-            command=f"omnidrive compare {SCENARIO_FILE} --out repeated"
+            command=f"omnidrive compare {SCENARIO_FILE}{code} --out repeated"
             if self.is_comparison
-            else f"omnidrive study {DEFINITION_FILE}{until} --out repeated",
+            else f"omnidrive study {DEFINITION_FILE}{until}{code} --out repeated",
             file=SCENARIO_FILE if self.is_comparison else DEFINITION_FILE,
             hashes={
                 "Definition": sha256(self.text.encode()).hexdigest(),
@@ -90,15 +91,19 @@ class StoredStudy(NamedTuple):
         number, key = self.table["number"][0].as_py(), self.table["key"][0].as_py()
         if number < len(plan) and plan.keys(number, number + 1) == [key]:
             return {name: version(name) for name in VERSIONS}
-        return {"Versions": "other ones, or other files, than those that are installed now"}
+        fact = "other ones, or other files, than those that are installed now"
+        if self.definition.names_code:
+            fact += "; or the code of the study was not imported, which needs --allow-code"
+        return {"Versions": fact}
 
 
-def read_study(folder: StrPath, *, allow_code: bool = False) -> StoredStudy:
+def read_study(folder: StrPath, *, allow_code: bool | CodePermission = False) -> StoredStudy:
     """Read the study in a folder, which may still run.
 
     Args:
         folder: Folder of the study.
-        allow_code: Whether its controllers may be code that is not installed.
+        allow_code: Whether code may be imported that the study names and that is not installed.
+            Without it, the report does not describe that code.
 
     Raises:
         InvalidStore: There is no study, or no usable store.
@@ -106,7 +111,7 @@ def read_study(folder: StrPath, *, allow_code: bool = False) -> StoredStudy:
         CannotWrite: The store cannot be read.
     """
     path = to_path(folder)
-    definition, until = load_study(path, allow_code=allow_code)
+    definition, until = load_study(path, allow_code=allow_code or CodePermission.UNREAD)
     with Store(path, read_only=True) as store:
         table, timing = store.records(), store.timing()
     if not table.num_rows:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from omnidrive.components.code import CodePermission
 from omnidrive.errors import InvalidStore, one_line
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.definition import StudyDefinition
@@ -17,7 +18,9 @@ SCENARIO_FILE = "scenario.yaml"
 """Name of the scenario in the folder of a study of one scenario, which keeps all logs."""
 
 
-def load_study(folder: StrPath, *, allow_code: bool = False) -> tuple[StudyDefinition, str]:
+def load_study(
+    folder: StrPath, *, allow_code: bool | CodePermission = False
+) -> tuple[StudyDefinition, str]:
     """Return the definition in the folder of a study, and its stop rule as text, or "".
 
     Args:

@@ -7,6 +7,7 @@ from functools import lru_cache
 from json import dumps, loads
 from typing import Any
 
+from omnidrive.components.code import CodePermission
 from omnidrive.components.configured import ALLOW_CODE
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidStudy
@@ -74,7 +75,11 @@ def _like(old: Any, value: Any) -> Any:
 
 
 def variant_of(
-    scenario: Scenario, data: dict[str, Any], changed: Sequence[str], *, allow_code: bool = True
+    scenario: Scenario,
+    data: dict[str, Any],
+    changed: Sequence[str],
+    *,
+    allow_code: bool | CodePermission,
 ) -> Scenario:
     """Return the scenario with the sections ``changed`` of ``data``, which are checked.
 

@@ -33,6 +33,7 @@ from loky.backend import resource_tracker as loky_tracker
 
 from omnidrive.compiled.compilation import CompileRelay, compile_listeners
 from omnidrive.errors import WorkerLost
+from omnidrive.files.child_processes import safe_path
 from omnidrive.study.heartbeat import Heartbeat
 
 _ATTEMPTS = 3  # of a call whose process is killed
@@ -235,11 +236,11 @@ class WorkerPool:
     def _start(self) -> None:
         """Start a process."""
         setup = _pack(self._setup, self._folder)
-        with _signals_blocked():
+        with _signals_blocked(), safe_path():
             if os.name == "posix":
                 resource_tracker.ensure_running()  # afterwards it unblocks signals itself
                 loky_tracker.ensure_running()
-        with _signals_blocked():
+        with _signals_blocked(), safe_path():
             executor = ProcessPoolExecutor(
                 1,
                 initializer=_start_worker,

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from omnidrive.components import Configured
+from omnidrive.components.code import CodePermission
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidInput, InvalidStudy, one_line
 from omnidrive.files.str_path import StrPath, to_path
@@ -160,7 +161,7 @@ def identity(tuning: Tuning) -> Any:
 
 
 def load_tuning(
-    folder: StrPath, *, allow_code: bool = False, **changes: int | float | None
+    folder: StrPath, *, allow_code: bool | CodePermission = False, **changes: int | float | None
 ) -> Tuning:
     """Return the problem in the folder of a tuning.
 

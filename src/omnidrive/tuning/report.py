@@ -201,6 +201,7 @@ def _page(result: TuningResult, figures: Sequence[PageFigure]) -> str:
     settings, folder = result.tuning.settings, result.folder
     name = quote(str(folder))
     file = quote(str(folder / PARAMETERS_FILE))
+    code = " --allow-code" if result.tuning.sets.training.names_code else ""
     hashes = {
         each: sha256((folder / each).read_bytes()).hexdigest()
         for each in (SETTINGS_FILE, TRAINING_FILE, HELD_OUT_FILE, PARAMETERS_FILE, "trials.csv")
@@ -214,8 +215,8 @@ def _page(result: TuningResult, figures: Sequence[PageFigure]) -> str:
         "tables": tables_markup(tuning_tables(result)),
         "figures": "\n".join(map(figure_markup, figures)),
         "setup": items_markup(_setup(result)),
-        "use": escape(f"omnidrive compare --controller {file}"),
-        "command": escape(f"omnidrive tune {name}"),
+        "use": escape(f"omnidrive compare --controller {file}{code}"),
+        "command": escape(f"omnidrive tune {name}{code}"),
         "hashes": items_markup(hashes),
         "parameters": escape((folder / PARAMETERS_FILE).read_text(encoding="utf-8")),
     }

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import yaml
 
 from omnidrive.components import Configured
+from omnidrive.components.code import CodePermission
 from omnidrive.components.fields import plain
 from omnidrive.errors import CannotWrite, one_line
 from omnidrive.files.output_file import create_folder, output_file, remove_abandoned
@@ -339,7 +340,7 @@ def _prepare_folder(tuning: Tuning, path: Path) -> None:
     remove_abandoned(path)
     settings = plain(tuning.settings)
     if (path / SETTINGS_FILE).is_file():
-        present = load_tuning(path, allow_code=True)
+        present = load_tuning(path, allow_code=CodePermission.UNREAD)
         if identity(present) != identity(tuning):
             raise CannotWrite(
                 f"{one_line(str(path))} holds another tuning; choose another folder with --out"

@@ -26,6 +26,7 @@ from omnidrive.deploy.realtime import schedule_below_loop
 from omnidrive.deploy.robot_link import LinkCapabilities, LinkLost
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import SensorReadings
+from omnidrive.files.child_processes import safe_path
 from omnidrive.geometry import Pose
 from omnidrive.parameter import Bounds, check_number
 from omnidrive.robot import Robot
@@ -187,7 +188,8 @@ class SimulatedProcess:
             signal.SIG_BLOCK, _OF_TERMINAL
         )  # inherited: the loop stops it
         try:
-            self._process.start()
+            with safe_path():
+                self._process.start()
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         there.close()

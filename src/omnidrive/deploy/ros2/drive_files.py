@@ -74,6 +74,6 @@ def drive_of_log(
         reference = load_waypoints(folder / REFERENCE_FILE)
     if not isinstance(reference, SampledReference):
         raise InvalidReference(f"{REFERENCE_FILE} of the log has no times")
-    allowed = allow_code or controller is not None  # the user names that one
     settings = settings.with_values({"controller": controller})
+    allowed = allow_code or controller is not None  # the user names that one
     return settings.make_pipeline(robot, allow_code=allowed), reference

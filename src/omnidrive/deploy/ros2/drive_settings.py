@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import numpy as np
 from pydantic import ValidationError
 
-from omnidrive.components import configure, parse_specification
+from omnidrive.components import configure, find_component, parse_specification
 from omnidrive.control import Controller, Pipeline
 from omnidrive.control.components import ControllerContext
 from omnidrive.control.controller import check_controller
@@ -125,15 +125,29 @@ class DriveSettings:
         """Return the robot."""
         return named_robot(self.robot)
 
+    def import_controller(self, *, allow_code: bool) -> None:
+        """Import the controller, so that :meth:`make_pipeline` needs no permission.
+
+        Args:
+            allow_code: Whether code may be imported that is not installed; False if its name is in
+                a file.
+
+        Raises:
+            InvalidInput: The controller does not exist, or its code is not allowed.
+        """
+        name = parse_specification(self.controller).type
+        find_component("controllers", name, allow_code=allow_code)
+
     def make_pipeline(
-        self, robot: Robot, reports: DriveReports | None = None, *, allow_code: bool = True
+        self, robot: Robot, reports: DriveReports | None = None, *, allow_code: bool = False
     ) -> Pipeline:
         """Return the pipeline of a drive: the controller, with the latest pose as estimate.
 
         Args:
             robot: The robot.
             reports: What is published of every sample; None: nothing.
-            allow_code: Whether code may be imported that is not installed.
+            allow_code: Whether code may be imported that is not installed; False if its name is
+                in a file.
 
         Raises:
             InvalidInput: The controller does not exist, or a parameter is not valid.

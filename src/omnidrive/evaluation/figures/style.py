@@ -59,6 +59,7 @@ _STYLE: Any = {
     "legend.fontsize": 7.5,
     "legend.columnspacing": 1.4,
     "legend.handlelength": 2.4,
+    "text.usetex": False,  # whatever a matplotlibrc in the working folder says
     "svg.hashsalt": "omnidrive",
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
