@@ -150,8 +150,8 @@ def test_difference_of_a_better_controller(first, second):
 
 def test_sequential_study_has_always_valid_intervals(tmp_path):
     folder = made(tmp_path / "a")
-    with Store(folder) as store, store.transaction() as connection:
-        connection.execute("INSERT INTO facts VALUES (?, ?)", ("until", "me:0.1mm"))
+    with Store(folder) as store:
+        store.note("until", "me:0.1mm")
     study = read_study(folder)
     assert study.evidence.always_valid
     assert study.facts().command.startswith("omnidrive study study.yaml --until me:0.1mm")
@@ -215,7 +215,7 @@ def test_unknown_metric_is_an_error(first):
 
 def test_study_without_runs_is_an_error(tmp_path):
     folder = made(tmp_path / "a", stored=1)
-    with Store(folder) as store, store.transaction() as connection:
-        connection.execute("DELETE FROM runs")
+    with Store(folder) as store:
+        store.begin("another definition")
     with pytest.raises(InvalidInput, match="no run of the study in"):
         read_study(folder)
