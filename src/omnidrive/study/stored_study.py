@@ -23,7 +23,7 @@ from omnidrive.evaluation.study_difference import StudyDifference, study_differe
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_report import study_tables, write_study_report
 from omnidrive.evaluation.table import Table
-from omnidrive.files.output_file import output_file
+from omnidrive.files.output_file import output_file, remove_abandoned
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.run_key import VERSIONS, plan_digest
@@ -160,6 +160,7 @@ def report_study(
     chosen = None if out is None else to_path(out)
     evidence, facts = study.evidence, study.facts()
     folder = chosen or (study.folder / "evidence" if study.is_comparison else study.folder)
+    remove_abandoned(folder)  # temporary files of killed reports
     tables = study_tables(evidence, facts, metric)
     page = folder
     for page in write_study_report(evidence, facts, tables, folder, metric):
@@ -192,6 +193,7 @@ def export_study(study: StoredStudy, path: StrPath, *, timing: bool = False) -> 
             ["number", *(f"timing:{name}" for name in study.timing.column_names[1:])]
         )
         table = table.join(columns, "number").sort_by("number")
+    remove_abandoned(path.parent, path.name)
     with output_file(path) as part, part.open("wb") as file:
         if suffix == ".csv":
             _write_csv(table, file)
