@@ -72,17 +72,16 @@ def stored_tables(connection: sqlite3.Connection, stored: int) -> StoredTables:
     return StoredTables(table, times, loss(connection, table.num_rows, stored))
 
 
-_Column = pa.Array | list[Any]
-"""Part of a column; a list if its values are of several types."""
-
-
 class _Columns:
-    """Columns of values with names that differ from row to row."""
+    """Columns of values with names that differ from row to row.
+
+    Parts of them are lists where their values are of several types.
+    """
 
     def __init__(self) -> None:
-        self._chunks: list[tuple[int, Mapping[str, _Column]]] = []
+        self._chunks: list[tuple[int, Mapping[str, pa.Array | list[Any]]]] = []
 
-    def add(self, rows: int, columns: Mapping[str, _Column]) -> None:
+    def add(self, rows: int, columns: Mapping[str, pa.Array | list[Any]]) -> None:
         """Append so many rows."""
         self._chunks.append((rows, columns))
 
@@ -96,7 +95,7 @@ class _Columns:
         return found
 
 
-def _kinds(values: _Column) -> set[pa.DataType]:
+def _kinds(values: pa.Array | list[Any]) -> set[pa.DataType]:
     """Return the types of values."""
     if isinstance(values, pa.Array):
         return {values.type}
@@ -114,7 +113,7 @@ def _common(kinds: set[pa.DataType]) -> pa.DataType:
     return pa.float64() if kinds <= {pa.int64(), pa.float64()} else pa.string()
 
 
-def _array(values: _Column, kind: pa.DataType) -> pa.Array:
+def _array(values: pa.Array | list[Any], kind: pa.DataType) -> pa.Array:
     """Return values as a type; texts are those of Python."""
     if isinstance(values, pa.Array):
         if values.type == kind or kind != pa.string():
@@ -125,7 +124,7 @@ def _array(values: _Column, kind: pa.DataType) -> pa.Array:
     return pa.array(values, kind, from_pandas=False)
 
 
-def _factor_columns(texts: Sequence[str]) -> dict[str, _Column]:
+def _factor_columns(texts: Sequence[str]) -> dict[str, pa.Array | list[Any]]:
     """Return the columns of stored factors; equal texts are read once.
 
     Raises:
@@ -133,7 +132,7 @@ def _factor_columns(texts: Sequence[str]) -> dict[str, _Column]:
     """
     places = {text: k for k, text in enumerate(dict.fromkeys(texts))}
     rows = _loaded(places)
-    columns: dict[str, _Column] = {}
+    columns: dict[str, pa.Array | list[Any]] = {}
     index = [places[text] for text in texts]
     for name in dict.fromkeys(name for row in rows for name in row):
         values = [row.get(name) for row in rows]

@@ -19,10 +19,12 @@ from pathlib import Path
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
-from omnidrive.errors import CannotWrite, InvalidStore, OmnidriveError, one_line
+from omnidrive.errors import InvalidStore, OmnidriveError, one_line
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.output_paths import STORE_FILE as FILE
 from omnidrive.study.run_record import RunRecord
+from omnidrive.study.store_errors import PATIENCE as _PATIENCE
+from omnidrive.study.store_errors import user_error
 from omnidrive.study.stored_rows import (
     APPLICATION,
     INSERT_RESULT,
@@ -47,7 +49,6 @@ if TYPE_CHECKING:
     from omnidrive.study.planned_run import PlannedRun
     from omnidrive.study.record_table import StoredTables
 
-_PATIENCE = 30.0  # s to wait for another process that writes
 _RANGE = 2048  # numbers that are looked up at once
 _MOST_FAILURES = 5  # failed runs that are named
 _FACT_ROW = "row_checksum(CAST(content AS BLOB))"
@@ -309,7 +310,7 @@ class Store:
         except OmnidriveError:  # some are ValueErrors
             raise
         except (sqlite3.Error, ValueError, TypeError, OverflowError, RecursionError) as error:
-            raise _user_error(self.path, error) from None
+            raise user_error(self.path, error) from None
 
     def _check(self, *, read_only: bool) -> None:
         """Check that the database is one of a study; create its tables if it is new."""
@@ -394,30 +395,3 @@ def _opened(path: Path, *, read_only: bool) -> sqlite3.Connection:
         connection = sqlite3.connect(f"{uri}&immutable=1", uri=True, isolation_level=None)
     add_functions(connection)
     return connection
-
-
-_CAUSES = {
-    sqlite3.SQLITE_FULL: "no space left; free disk space and run the command again",
-    sqlite3.SQLITE_READONLY: "it is read-only; choose a folder that can be written",
-    sqlite3.SQLITE_CANTOPEN: "the folder does not exist or cannot be written; choose another",
-    sqlite3.SQLITE_PERM: "no permission; choose a folder that can be written",
-    sqlite3.SQLITE_BUSY: f"another program has locked it for {_PATIENCE:g} s; close that program "
-    "and run the command again",
-    sqlite3.SQLITE_LOCKED: "it is locked; run the command again",
-    sqlite3.SQLITE_IOERR: "the disk reports an error, or is full; check it and run the command "
-    "again",
-}
-"""Causes of failed writes, by the primary error code of SQLite."""
-
-
-def _user_error(path: Path, error: Exception) -> CannotWrite | InvalidStore:
-    """Return the error for users of an error of the database."""
-    name, code = one_line(str(path)), getattr(error, "sqlite_errorcode", 0) & 0xFF
-    if code in _CAUSES:
-        return CannotWrite(f"cannot write to {name}: {_CAUSES[code]}. Finished runs are kept")
-    if code == sqlite3.SQLITE_NOTADB:
-        return InvalidStore(f"{name} is not a database of a study; it was not changed")
-    return InvalidStore(
-        f"{name} is damaged ({one_line(str(error), 120)}); it was not changed. Restore it from a "
-        f"copy, save what is left with: sqlite3 {FILE} .recover, or choose another folder"
-    )
