@@ -55,7 +55,7 @@ def test_table_has_the_order_of_the_plan_and_exact_numbers(tmp_path):
 
 
 def test_columns_of_runs_with_different_metrics_and_factors(tmp_path, monkeypatch):
-    monkeypatch.setattr("omnidrive.study.record_table._CHUNK", 2)
+    monkeypatch.setattr("omnidrive.study.stored_rows._CHUNK", 2)
     values = [{"a": 1}, {"a": 2.5}, {"a": "x", "b": True}, {"b": False}]
     metrics = [{"me": 1.0}, {"me": 2.0}, {"overshoot_x": 3.0}, {}]
     filled(

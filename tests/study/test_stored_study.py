@@ -1,6 +1,7 @@
 """Report, export and difference of stored studies, also by their verbs."""
 
 import csv
+import os
 from hashlib import sha256
 from importlib.metadata import version
 
@@ -12,6 +13,7 @@ from typer.testing import CliRunner
 
 from omnidrive.cli.main import app
 from omnidrive.errors import InvalidInput, OmnidriveError
+from omnidrive.files.output_file import _COMPUTER
 from omnidrive.study import RunPlan, parse_definition, save_definition, save_scenario
 from omnidrive.study.run_record import RunRecord
 from omnidrive.study.store import Store
@@ -150,8 +152,8 @@ def test_difference_of_a_better_controller(first, second):
 
 def test_sequential_study_has_always_valid_intervals(tmp_path):
     folder = made(tmp_path / "a")
-    with Store(folder) as store, store.transaction() as connection:
-        connection.execute("INSERT INTO facts VALUES (?, ?)", ("until", "me:0.1mm"))
+    with Store(folder) as store:
+        store.note("until", "me:0.1mm")
     study = read_study(folder)
     assert study.evidence.always_valid
     assert study.facts().command.startswith("omnidrive study study.yaml --until me:0.1mm")
@@ -215,7 +217,25 @@ def test_unknown_metric_is_an_error(first):
 
 def test_study_without_runs_is_an_error(tmp_path):
     folder = made(tmp_path / "a", stored=1)
-    with Store(folder) as store, store.transaction() as connection:
-        connection.execute("DELETE FROM runs")
+    with Store(folder) as store:
+        store.begin("another definition")
     with pytest.raises(InvalidInput, match="no run of the study in"):
         read_study(folder)
+
+
+def test_temporary_files_of_killed_writers_are_removed(tmp_path):
+    """Those of processes that run are kept."""
+    folder = made(tmp_path / "a", stored=40)
+    (folder / "tables").mkdir()
+    left = [
+        folder / f".report.html.{_COMPUTER}-{2**31 - 1}-0.part",
+        folder / "tables" / f".answer.csv.{_COMPUTER}-{2**31 - 1}-1.part",
+    ]
+    other = tmp_path / f".runs.csv.{_COMPUTER}-{2**31 - 1}-2.part"
+    kept = folder / f".report.html.{_COMPUTER}-{os.getpid()}-9999.part"
+    for each in (*left, other, kept):
+        each.touch()
+    study = read_study(folder)
+    report_study(study)
+    export_study(study, tmp_path / "runs.csv")
+    assert [each.exists() for each in (*left, other, kept)] == [False, False, False, True]

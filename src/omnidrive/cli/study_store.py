@@ -51,7 +51,7 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
 
     * `omnidrive study status runs/friction`
     """
-    from omnidrive.cli.terminal import count_text, print_json, show
+    from omnidrive.cli.terminal import count_text, print_json, show, warn
     from omnidrive.components.code import CodePermission
     from omnidrive.study.claims import at_work
     from omnidrive.study.run_plan import RunPlan
@@ -64,7 +64,10 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
         found, working = store.status(), at_work(store)
     if json:
         facts = {"name": definition.name, "planned": planned, "until": until or None}
-        print_json({**facts, **found._asdict(), "at_work": working._asdict()})
+        print_json({
+            **facts, **found._asdict(), "loss": found.loss._asdict(),
+            "at_work": working._asdict(),
+        })  # fmt: skip
         return
     show(f"study {definition.name}: {planned:,} runs planned")
     if until:
@@ -73,6 +76,8 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
     show(f"stored: {found.runs:,}{share}: {count_text(found.outcomes)}")
     for number, reason in found.failures:
         show(f"  run {number}: {reason}")
+    if found.loss.runs:
+        warn(str(found.loss))
     show(f"at work: {working.runs:,} runs in {working.processes} processes")
     if found.runs < planned and not working.processes:
         code = " --allow-code" if definition.names_code else ""

@@ -26,6 +26,7 @@ class StudyFacts:
             their names.
         versions: Versions of the distributions that computed the results, as far as they are known.
         until: Stop rule of a study that ends when its intervals are narrow enough; empty: none.
+        damaged: Sentence without its end on stored runs that are damaged; empty: none is.
         published: Whether the claims of the paper are checked.
     """
 
@@ -40,6 +41,7 @@ class StudyFacts:
     hashes: Mapping[str, str] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     until: str = ""
+    damaged: str = ""
     published: bool = False
 
     def styles(self, controllers: tuple[str, ...]) -> dict[str, ControllerStyle]:

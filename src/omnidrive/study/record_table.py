@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
+import numpy as np
 import pyarrow as pa
 
-_CHUNK = 10_000  # rows in memory as Python objects
+from omnidrive.study.stored_rows import Loss, loss, names_of, valid_rows
 
 _FIXED = {
     "number": pa.int64(),
@@ -24,98 +25,161 @@ _FIXED = {
     "finished": pa.bool_(),
 }
 
+_READ = {"duration": float, "finished": bool}
+"""Conversion of stored values."""
 
-def record_table(connection: sqlite3.Connection) -> pa.Table:
-    """Return the table of :meth:`omnidrive.study.store.Store.records`."""
-    names = [name for name in _FIXED if name != "key"]
-    cursor = connection.execute(
-        f"SELECT key, {', '.join(names)}, factors, metrics FROM runs JOIN results USING (key) "
-        "ORDER BY number"
-    )
+
+class StoredTables(NamedTuple):
+    """Stored runs of a study."""
+
+    records: pa.Table
+    """See :meth:`omnidrive.study.store.Store.records`."""
+    timing: pa.Table
+    """See :meth:`omnidrive.study.store.Store.timing`."""
+    loss: Loss
+    """Stored runs that are damaged; the tables lack them."""
+
+
+def stored_tables(connection: sqlite3.Connection, stored: int) -> StoredTables:
+    """Return the tables of the undamaged runs.
+
+    Args:
+        connection: The database.
+        stored: Number of stored runs according to the facts about the study.
+
+    Raises:
+        sqlite3.Error: The database cannot be read.
+        ValueError: Stored values are invalid.
+    """
+    names = list(_FIXED)
+    columns = ", ".join([*names[1:], "factors", "results.names", "floats"])
     fixed: dict[str, list[pa.Array]] = {name: [] for name in _FIXED}
-    factors, metrics = _Columns("factor:"), _Columns("", pa.float64())
-    for rows in _chunks(cursor):
-        for name, column in zip(("key", *names), zip(*rows, strict=True), strict=False):
-            values = [bool(each) for each in column] if name == "finished" else column
-            fixed[name].append(_array(values, _FIXED[name]))
-        factors.add(_loaded(row[-2] for row in rows))
-        metrics.add(_loaded(row[-1] for row in rows))
-    columns = {name: pa.chunked_array(fixed[name], kind) for name, kind in _FIXED.items()}
-    table = pa.table({**columns, **factors.arrays(), **metrics.arrays()})
-    return table.unify_dictionaries()
-
-
-def timing_table(connection: sqlite3.Connection) -> pa.Table:
-    """Return the table of :meth:`omnidrive.study.store.Store.timing`."""
-    cursor = connection.execute(
-        "SELECT number, timing FROM runs JOIN results USING (key) ORDER BY number"
-    )
-    numbers, columns = [], _Columns("", pa.float64())
-    for rows in _chunks(cursor):
-        numbers.append(pa.array([number for number, _ in rows], pa.int64()))
-        columns.add(_loaded(text for _, text in rows))
-    return pa.table({"number": pa.chunked_array(numbers, pa.int64()), **columns.arrays()})
+    factors, metrics, timing = _Columns(), _Columns(), _Columns()
+    for rows in valid_rows(connection, columns):
+        *labels, factor_texts, name_texts, floats = zip(*rows, strict=True)
+        for name, column in zip(names, labels, strict=True):
+            convert = _READ.get(name)
+            values = list(map(convert, column)) if convert else column
+            fixed[name].append(pa.array(values, _FIXED[name], from_pandas=False))
+        factors.add(len(rows), _factor_columns(factor_texts))
+        of_metrics, of_timing = _float_columns(name_texts, floats)
+        metrics.add(len(rows), of_metrics)
+        timing.add(len(rows), of_timing)
+    columns_fixed = {name: pa.chunked_array(fixed[name], kind) for name, kind in _FIXED.items()}
+    by_path = {f"factor:{path}": column for path, column in factors.arrays().items()}
+    table = pa.table({**columns_fixed, **by_path, **metrics.arrays()}).unify_dictionaries()
+    times = pa.table({"number": columns_fixed["number"], **timing.arrays()})
+    return StoredTables(table, times, loss(connection, table.num_rows, stored))
 
 
 class _Columns:
-    """Columns of values with names that differ from row to row."""
+    """Columns of values with names that differ from row to row.
 
-    def __init__(self, prefix: str, kind: pa.DataType | None = None) -> None:
-        """Prepare columns; ``kind`` is their type, None: that of the values of each."""
-        self._prefix, self._kind = prefix, kind
-        self._chunks: list[tuple[int, dict[str, Any]]] = []
+    Parts of them are lists where their values are of several types.
+    """
 
-    def add(self, rows: Sequence[dict[str, Any]]) -> None:
-        """Append rows."""
-        first = tuple(rows[0])
-        columns: dict[str, Sequence[Any]]
-        if all(tuple(row) == first for row in rows):
-            by_name = zip(*(row.values() for row in rows), strict=True)
-            columns = dict(zip(first, by_name, strict=True))
-        else:
-            names = dict.fromkeys(name for row in rows for name in row)
-            columns = {name: [row.get(name) for row in rows] for name in names}
-        if self._kind is not None:
-            columns = {name: pa.array(each, self._kind) for name, each in columns.items()}
-        self._chunks.append((len(rows), columns))
+    def __init__(self) -> None:
+        self._chunks: list[tuple[int, Mapping[str, pa.Array | list[Any]]]] = []
+
+    def add(self, rows: int, columns: Mapping[str, pa.Array | list[Any]]) -> None:
+        """Append so many rows."""
+        self._chunks.append((rows, columns))
 
     def arrays(self) -> dict[str, pa.ChunkedArray]:
         """Return the columns, in the order of their first values; null where a row has no value."""
         found = {}
         for name in dict.fromkeys(name for _, columns in self._chunks for name in columns):
-            chunks = [columns.get(name, [None] * count) for count, columns in self._chunks]
-            kind = self._kind or _kind({type(each) for chunk in chunks for each in chunk})
-            arrays = [_array(chunk, kind) for chunk in chunks]
-            found[self._prefix + name] = pa.chunked_array(arrays, kind)
+            parts = [columns.get(name, [None] * rows) for rows, columns in self._chunks]
+            kind = _common({kind for part in parts for kind in _kinds(part)})
+            found[name] = pa.chunked_array([_array(part, kind) for part in parts], kind)
         return found
+
+
+def _kinds(values: pa.Array | list[Any]) -> set[pa.DataType]:
+    """Return the types of values."""
+    if isinstance(values, pa.Array):
+        return {values.type}
+    return {_TYPES.get(kind, pa.string()) for kind in set(map(type, values))}
+
+
+_TYPES = {type(None): pa.null(), bool: pa.bool_(), int: pa.int64(), float: pa.float64()}
+
+
+def _common(kinds: set[pa.DataType]) -> pa.DataType:
+    """Return the type of a column with values of these types: a text if they are different."""
+    kinds = kinds - {pa.null()}
+    if len(kinds) == 1:
+        return kinds.pop()
+    return pa.float64() if kinds <= {pa.int64(), pa.float64()} else pa.string()
+
+
+def _array(values: pa.Array | list[Any], kind: pa.DataType) -> pa.Array:
+    """Return values as a type; texts are those of Python."""
+    if isinstance(values, pa.Array):
+        if values.type == kind or kind != pa.string():
+            return values.cast(kind)
+        values = values.to_pylist()
+    if kind == pa.string():
+        values = [each if each is None else str(each) for each in values]
+    return pa.array(values, kind, from_pandas=False)
+
+
+def _factor_columns(texts: Sequence[str]) -> dict[str, pa.Array | list[Any]]:
+    """Return the columns of stored factors; equal texts are read once.
+
+    Raises:
+        ValueError: A text is invalid.
+    """
+    places = {text: k for k, text in enumerate(dict.fromkeys(texts))}
+    rows = _loaded(places)
+    columns: dict[str, pa.Array | list[Any]] = {}
+    index = [places[text] for text in texts]
+    for name in dict.fromkeys(name for row in rows for name in row):
+        values = [row.get(name) for row in rows]
+        kinds = _kinds(values)
+        columns[name] = (
+            _array(values, _common(kinds)).take(pa.array(index, pa.int64()))
+            if len(kinds) == 1 and pa.null() not in kinds
+            else [values[k] for k in index]
+        )
+    return columns
 
 
 def _loaded(texts: Iterable[str]) -> list[dict[str, Any]]:
     """Return the values of stored texts."""
-    values: list[dict[str, Any]] = json.loads(f"[{','.join(texts)}]")
-    return values
+    values = json.loads(f"[{','.join(texts)}]")
+    if not all(isinstance(each, dict) for each in values):
+        raise ValueError("factors of a run are no mapping")
+    return list(values)
 
 
-def _kind(kinds: set[type]) -> pa.DataType:
-    """Return the type of a column with values of these types: a text if they are different."""
-    kinds = kinds - {type(None)}
-    if kinds == {bool}:
-        return pa.bool_()
-    if kinds == {int}:
-        return pa.int64()
-    return pa.float64() if kinds <= {int, float} else pa.string()
+def _float_columns(
+    texts: Sequence[str], floats: Sequence[bytes]
+) -> tuple[dict[str, pa.Array], dict[str, pa.Array]]:
+    """Return the columns of stored metrics and of computing times.
 
-
-def _array(values: Sequence[Any] | pa.Array, kind: pa.DataType) -> pa.Array:
-    """Return a column; ``kind`` text accepts all values."""
-    if isinstance(values, pa.Array):
-        return values
-    if kind == pa.string():
-        values = [each if each is None or isinstance(each, str) else str(each) for each in values]
-    return pa.array(values, kind, from_pandas=False)
-
-
-def _chunks(cursor: sqlite3.Cursor) -> Iterator[list[tuple[Any, ...]]]:
-    """Yield the rows of a query in parts."""
-    while rows := cursor.fetchmany(_CHUNK):
-        yield rows
+    Raises:
+        ValueError: Names or numbers are invalid.
+    """
+    places: dict[str, list[int]] = {}
+    for k, text in enumerate(texts):
+        places.setdefault(text, []).append(k)
+    found: tuple[dict[str, pa.Array], dict[str, pa.Array]] = {}, {}
+    values: tuple[dict[str, Any], dict[str, Any]] = {}, {}
+    known: tuple[dict[str, Any], dict[str, Any]] = {}, {}
+    for text, rows in places.items():
+        names = names_of(text)
+        count = len(names[0]) + len(names[1])
+        content = b"".join([floats[k] for k in rows])
+        if any(len(floats[k]) != 8 * count for k in rows):
+            raise ValueError("the number of metrics is wrong")
+        matrix = np.frombuffer(content, "<f8").reshape(len(rows), count)
+        for kind, first in ((0, 0), (1, len(names[0]))):
+            for column, name in enumerate(names[kind], first):
+                array = values[kind].setdefault(name, np.zeros(len(texts)))
+                mask = known[kind].setdefault(name, np.zeros(len(texts), dtype=bool))
+                array[rows], mask[rows] = matrix[:, column], True
+    for kind in (0, 1):
+        for name, array in values[kind].items():
+            found[kind][name] = pa.array(array, pa.float64(), mask=~known[kind][name])
+    return found

@@ -1,13 +1,16 @@
 """Stored results of a study: an SQLite database that survives the loss of any process.
 
 Every change is one transaction, which is on the disk before the method returns (write-ahead log,
-``synchronous=FULL``). A run has one row of results by its key, and one row per number of the plan.
+``synchronous=FULL``). A run has one row of results by its key, and one row per number of the plan,
+both with checksums, see :mod:`omnidrive.study.stored_rows`. Readers leave out damaged runs; a
+process that writes removes them, so that they are computed again.
 Several processes may work on one study: each claims numbers, see :mod:`omnidrive.study.claims`.
 """
 
 from __future__ import annotations
 
 import json
+import logging
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,41 +19,41 @@ from pathlib import Path
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
-from omnidrive.errors import CannotWrite, InvalidStore, one_line
+from omnidrive.errors import InvalidStore, OmnidriveError, one_line
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.output_paths import STORE_FILE as FILE
 from omnidrive.study.run_record import RunRecord
+from omnidrive.study.store_errors import PATIENCE as _PATIENCE
+from omnidrive.study.store_errors import user_error
+from omnidrive.study.stored_rows import (
+    APPLICATION,
+    INSERT_RESULT,
+    INSERT_RUN,
+    INVALID_RESULT,
+    INVALID_RUN,
+    SCHEMA,
+    VALID_RESULT,
+    VERSION,
+    Loss,
+    add_functions,
+    loss,
+    result_record,
+    result_row,
+    run_row,
+    valid_rows,
+)
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
     from omnidrive.study.planned_run import PlannedRun
+    from omnidrive.study.record_table import StoredTables
 
-_APPLICATION = 0x6F6D6E69  # "omni", the application id of the file
-_VERSION = 1  # of the schema
-_PATIENCE = 30.0  # s to wait for another process that writes
 _RANGE = 2048  # numbers that are looked up at once
+_MOST_FAILURES = 5  # failed runs that are named
+_FACT_ROW = "row_checksum(CAST(content AS BLOB))"
 
-_SCHEMA = f"""
-CREATE TABLE results (
-    key TEXT PRIMARY KEY, outcome TEXT NOT NULL, finished INTEGER NOT NULL, metrics TEXT NOT NULL,
-    timing TEXT NOT NULL, detail TEXT NOT NULL, log TEXT
-) STRICT, WITHOUT ROWID;
-CREATE TABLE runs (
-    number INTEGER PRIMARY KEY, key TEXT NOT NULL REFERENCES results (key),
-    pairing INTEGER NOT NULL, controller TEXT NOT NULL, task TEXT NOT NULL, duration REAL NOT NULL,
-    variant TEXT NOT NULL, repetition INTEGER NOT NULL, factors TEXT NOT NULL
-) STRICT;
-CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT, WITHOUT ROWID;
-CREATE TABLE processes (
-    id TEXT PRIMARY KEY, host TEXT NOT NULL, pid INTEGER NOT NULL, started TEXT NOT NULL,
-    beat INTEGER NOT NULL
-) STRICT, WITHOUT ROWID;
-CREATE TABLE claims (number INTEGER PRIMARY KEY, key TEXT NOT NULL, owner TEXT NOT NULL) STRICT;
-CREATE INDEX claimed_keys ON claims (key);
-PRAGMA application_id = {_APPLICATION};
-PRAGMA user_version = {_VERSION};
-"""
+_log = logging.getLogger("omnidrive")
 
 
 @runtime_checkable
@@ -79,6 +82,8 @@ class StoreStatus(NamedTuple):
     """Stored runs by outcome."""
     failures: list[tuple[int, str]]
     """Number and reason of the first runs that ended early."""
+    loss: Loss
+    """Stored runs that are damaged; they are not counted above."""
 
 
 class Store:
@@ -119,11 +124,13 @@ class Store:
         self._connection.close()
 
     def fact(self, name: str) -> str | None:
-        """Return a fact about the study, such as the hash of its definition; None: unknown."""
-        with self.errors():
-            row = self._connection.execute("SELECT value FROM facts WHERE name = ?", (name,))
-            found = row.fetchone()
-        return None if found is None else str(found[0])
+        """Return a fact about the study, such as the hash of its definition; None: unknown.
+
+        Raises:
+            InvalidStore: The facts are damaged.
+        """
+        found = self._facts().get(name)
+        return None if found is None else str(found)
 
     def note(self, name: str, value: str) -> None:
         """Store a fact about the study.
@@ -132,8 +139,30 @@ class Store:
             CannotWrite: It cannot be stored.
         """
         if self.fact(name) != value:
-            with self.transaction() as connection:
-                connection.execute("INSERT OR REPLACE INTO facts VALUES (?, ?)", (name, value))
+            with self.transaction():
+                self._set_facts({**self._facts(), name: value})
+
+    def _facts(self) -> dict[str, Any]:
+        """Return the facts about the study, among them the number of stored runs, ``runs``."""
+        with self.errors():
+            rows = self._connection.execute(
+                f"SELECT CAST(content AS BLOB) FROM facts WHERE id = 1 AND {_FACT_ROW} = checksum"
+            ).fetchall()
+            found = json.loads(rows[0][0]) if rows else None
+        if not isinstance(found, dict) or not isinstance(found.get("runs"), int):
+            raise InvalidStore(
+                f"{one_line(str(self.path))} is damaged: the number of its runs and its stop rule "
+                "are lost. Repeat the command that began the study (omnidrive study FILE --out "
+                "FOLDER); stored runs are kept"
+            )
+        return found
+
+    def _set_facts(self, facts: dict[str, Any]) -> None:
+        """Store the facts about the study, in a transaction."""
+        self._connection.execute(
+            "INSERT OR REPLACE INTO facts VALUES (1, ?1, row_checksum(CAST(?1 AS BLOB)))",
+            (json.dumps(facts),),
+        )
 
     def begin(self, definition: str) -> None:
         """Prepare the database for a plan.
@@ -152,9 +181,7 @@ class Store:
         with self.transaction() as connection:
             connection.execute("DELETE FROM runs")
             connection.execute("DELETE FROM claims")
-            connection.execute(
-                "INSERT OR REPLACE INTO facts VALUES ('definition', ?)", (definition,)
-            )
+            self._set_facts({**self._facts(), "definition": definition, "runs": 0})
 
     def add(self, records: Sequence[RunRecord], logs: Sequence[str | None] = ()) -> None:
         """Store records in one transaction, and release the claims of their runs.
@@ -169,24 +196,15 @@ class Store:
             CannotWrite: They cannot be written; none of them is stored.
         """
         texts = logs or [None] * len(records)
-        results = [
-            (
-                r.key, r.outcome, int(r.finished), json.dumps(r.metrics), json.dumps(r.timing),
-                r.detail, text,
-            )
-            for r, text in zip(records, texts, strict=True)
-        ]  # fmt: skip
-        runs = [
-            (
-                r.number, r.key, r.pairing, r.controller, r.task, r.duration, r.variant,
-                r.repetition, json.dumps(r.factors),
-            )
-            for r in records
-        ]  # fmt: skip
+        results = [result_row(record, text) for record, text in zip(records, texts, strict=True)]
+        runs = [run_row(record) for record in records]
+        numbers = [(record.number,) for record in records]
         with self.transaction() as connection:
-            connection.executemany("INSERT OR IGNORE INTO results VALUES (?,?,?,?,?,?,?)", results)
-            connection.executemany("INSERT OR REPLACE INTO runs VALUES (?,?,?,?,?,?,?,?,?)", runs)
-            numbers = [(r.number,) for r in records]
+            connection.executemany(INSERT_RESULT, results)
+            old = connection.executemany("DELETE FROM runs WHERE number = ?", numbers).rowcount
+            new = connection.executemany(INSERT_RUN, runs).rowcount
+            facts = self._facts()
+            self._set_facts({**facts, "runs": facts["runs"] + max(new, 0) - max(old, 0)})
             connection.executemany("DELETE FROM claims WHERE number = ?", numbers)
 
     def missing(self, plan: KeyedPlan, start: int = 0) -> Iterator[int]:
@@ -209,64 +227,53 @@ class Store:
 
     def results(self, keys: Iterable[str]) -> dict[str, RunRecord]:
         """Return the stored results with these keys, to be :meth:`RunRecord.relabelled`."""
-        found: dict[str, RunRecord] = {}
+        query = (
+            "SELECT outcome, finished, names, floats, detail FROM results "
+            f"WHERE key = ? AND {VALID_RESULT}"
+        )
         with self.errors():
-            for key in keys:
-                row = self._connection.execute(
-                    "SELECT outcome, finished, metrics, timing, detail FROM results WHERE key = ?",
-                    (key,),
-                ).fetchone()
-                if row is not None:
-                    outcome, finished, metrics, timing, detail = row
-                    found[key] = RunRecord(
-                        number=-1, key=key, pairing=-1, controller="", task="", repetition=0,
-                        factors={}, outcome=outcome, finished=bool(finished),
-                        metrics=json.loads(metrics), timing=json.loads(timing), detail=detail,
-                    )  # fmt: skip
-        return found
+            rows = {key: self._connection.execute(query, (key,)).fetchone() for key in keys}
+            return {key: result_record(key, row) for key, row in rows.items() if row is not None}
 
     def logs(self) -> dict[int, str]:
         """Return what is needed to restore runs with their logs, as text, by number."""
         with self.errors():
-            return dict(
-                self._connection.execute(
-                    "SELECT number, log FROM runs JOIN results USING (key) WHERE log IS NOT NULL"
-                )
-            )
+            parts = valid_rows(self._connection, "log", "log != ''")
+            return {number: log for rows in parts for number, log in rows}
 
     def records(self) -> pa.Table:
-        """Return the stored runs in the order of the plan, without computing times.
+        """Return the undamaged stored runs in the order of the plan, without computing times.
 
         The columns are number, key, pairing, controller, task, duration, variant, repetition,
         outcome and finished, then ``factor:PATH`` of each factor, then the metrics, by name. The
         table does not depend on the order in which the runs were stored.
         """
-        from omnidrive.study.record_table import record_table  # noqa: PLC0415 - takes a second
-
-        with self.errors():
-            return record_table(self._connection)
+        return self.tables().records
 
     def timing(self) -> pa.Table:
-        """Return the computing times of the stored runs, us, by ``number``."""
-        from omnidrive.study.record_table import timing_table  # noqa: PLC0415 - takes a second
+        """Return the computing times of the undamaged stored runs, us, by ``number``."""
+        return self.tables().timing
+
+    def tables(self) -> StoredTables:
+        """Return the tables of :meth:`records` and :meth:`timing`, and which runs are damaged."""
+        from omnidrive.study.record_table import stored_tables  # noqa: PLC0415 - takes a second
 
         with self.errors():
-            return timing_table(self._connection)
+            return stored_tables(self._connection, self._facts()["runs"])
 
     def status(self) -> StoreStatus:
         """Return the number of stored runs, in total and by outcome."""
-        joined = "FROM runs JOIN results USING (key)"
+        columns = "outcome, CASE WHEN finished THEN '' ELSE substr(detail, 1, 500) END"
+        counts: Counter[str] = Counter()
+        failures: list[tuple[int, str]] = []
         with self.errors():
-            counts = Counter(
-                dict(
-                    self._connection.execute(f"SELECT outcome, COUNT(*) {joined} GROUP BY outcome")
-                )
-            )
-            failures = self._connection.execute(
-                f"SELECT number, detail {joined} WHERE NOT finished ORDER BY number LIMIT 5"
-            ).fetchall()
-        first = [(number, (detail.splitlines() or [""])[0]) for number, detail in failures]
-        return StoreStatus(counts.total(), dict(sorted(counts.items())), first)
+            for rows in valid_rows(self._connection, f"{columns}, finished"):
+                counts.update(row[1] for row in rows)
+                if len(failures) < _MOST_FAILURES:
+                    failures += [(number, text) for number, _, text, done in rows if not done]
+            lost = loss(self._connection, counts.total(), self._facts()["runs"])
+        first = [(n, (text.splitlines() or [""])[0]) for n, text in failures[:_MOST_FAILURES]]
+        return StoreStatus(counts.total(), dict(sorted(counts.items())), first, lost)
 
     def read(self, query: str) -> list[tuple[Any, ...]]:
         """Return the rows of a query."""
@@ -300,8 +307,10 @@ class Store:
         """
         try:
             yield
-        except (sqlite3.Error, json.JSONDecodeError, UnicodeDecodeError) as error:
-            raise _user_error(self.path, error) from None
+        except OmnidriveError:  # some are ValueErrors
+            raise
+        except (sqlite3.Error, ValueError, TypeError, OverflowError, RecursionError) as error:
+            raise user_error(self.path, error) from None
 
     def _check(self, *, read_only: bool) -> None:
         """Check that the database is one of a study; create its tables if it is new."""
@@ -310,20 +319,46 @@ class Store:
             self._create()
         ((application,),) = execute("PRAGMA application_id")
         ((version,),) = execute("PRAGMA user_version")
-        if application != _APPLICATION:
+        if application != APPLICATION:
             raise InvalidStore(
                 f"{one_line(str(self.path))} is a database of another program; it was not changed. "
                 "Choose another folder"
             )
-        if version > _VERSION:
+        if version != VERSION:
+            age, advice = (
+                ("a newer", "update omnidrive") if version > VERSION
+                else ("an older", "compute the study again in another folder")
+            )  # fmt: skip
             raise InvalidStore(
-                f"{one_line(str(self.path))} was written by a newer version of omnidrive (version "
-                f"{version} of the store, this one reads {_VERSION}); update omnidrive"
+                f"{one_line(str(self.path))} was written by {age} version of omnidrive (version "
+                f"{version} of the store, this one reads {VERSION}); {advice}"
             )
         if not read_only:  # damage that a reader meets is an error where it meets it
             ((found, *_),) = execute("PRAGMA quick_check(1)").fetchall()
             if found != "ok":
                 raise sqlite3.DatabaseError(found)
+            self._remove_damaged()
+
+    def _remove_damaged(self) -> None:
+        """Remove damaged rows, so that their runs are computed again."""
+        execute = self._connection.execute
+        try:
+            stored = self._facts()["runs"]
+        except InvalidStore:
+            _log.warning("%s is damaged: its stop rule is lost", one_line(str(self.path)))
+            stored = None
+        read = sum(len(rows) for rows in valid_rows(self._connection, "1"))
+        lost = loss(self._connection, read, stored)
+        if stored is not None and not lost.runs:
+            return
+        with self.transaction():
+            facts = {} if stored is None else self._facts()
+            execute(f"DELETE FROM results WHERE {INVALID_RESULT}")
+            execute(f"DELETE FROM runs WHERE {INVALID_RUN}")
+            ((left,),) = execute("SELECT COUNT(*) FROM runs")
+            self._set_facts({**facts, "runs": left})
+        if lost.runs:
+            _log.warning("%s: %s; lost runs are computed again", one_line(str(self.path)), lost)
 
     def _create(self) -> None:
         """Create the tables, all or none, unless another process did."""
@@ -339,8 +374,9 @@ class Store:
                 sleep(0.01)
         with self.transaction():
             if not execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:
-                for statement in filter(str.strip, _SCHEMA.split(";")):
+                for statement in SCHEMA.split(";"):
                     execute(statement)
+                self._set_facts({"runs": 0})
 
 
 def _opened(path: Path, *, read_only: bool) -> sqlite3.Connection:
@@ -349,6 +385,7 @@ def _opened(path: Path, *, read_only: bool) -> sqlite3.Connection:
         connection = sqlite3.connect(path, timeout=_PATIENCE, isolation_level=None)
         connection.execute("PRAGMA synchronous = FULL")
         connection.execute("PRAGMA trusted_schema = OFF")
+        add_functions(connection)
         return connection
     uri = f"{path.absolute().as_uri()}?mode=ro"
     connection = sqlite3.connect(uri, uri=True, timeout=_PATIENCE, isolation_level=None)
@@ -357,31 +394,5 @@ def _opened(path: Path, *, read_only: bool) -> sqlite3.Connection:
     except sqlite3.OperationalError:  # no process writes in a read-only folder
         connection.close()
         connection = sqlite3.connect(f"{uri}&immutable=1", uri=True, isolation_level=None)
+    add_functions(connection)
     return connection
-
-
-_CAUSES = {
-    sqlite3.SQLITE_FULL: "no space left; free disk space and run the command again",
-    sqlite3.SQLITE_READONLY: "it is read-only; choose a folder that can be written",
-    sqlite3.SQLITE_CANTOPEN: "the folder does not exist or cannot be written; choose another",
-    sqlite3.SQLITE_PERM: "no permission; choose a folder that can be written",
-    sqlite3.SQLITE_BUSY: f"another program has locked it for {_PATIENCE:g} s; close that program "
-    "and run the command again",
-    sqlite3.SQLITE_LOCKED: "it is locked; run the command again",
-    sqlite3.SQLITE_IOERR: "the disk reports an error, or is full; check it and run the command "
-    "again",
-}
-"""Causes of failed writes, by the primary error code of SQLite."""
-
-
-def _user_error(path: Path, error: Exception) -> CannotWrite | InvalidStore:
-    """Return the error for users of an error of the database."""
-    name, code = one_line(str(path)), getattr(error, "sqlite_errorcode", 0) & 0xFF
-    if code in _CAUSES:
-        return CannotWrite(f"cannot write to {name}: {_CAUSES[code]}. Finished runs are kept")
-    if code == sqlite3.SQLITE_NOTADB:
-        return InvalidStore(f"{name} is not a database of a study; it was not changed")
-    return InvalidStore(
-        f"{name} is damaged ({one_line(str(error), 120)}); it was not changed. Restore it from a "
-        f"copy, save what is left with: sqlite3 {FILE} .recover, or choose another folder"
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from hashlib import sha256
 from importlib.metadata import version
@@ -23,17 +24,20 @@ from omnidrive.evaluation.study_difference import StudyDifference, study_differe
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_report import study_tables, write_study_report
 from omnidrive.evaluation.table import Table
-from omnidrive.files.output_file import output_file
+from omnidrive.files.output_file import output_file, remove_abandoned
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.run_key import VERSIONS, plan_digest
 from omnidrive.study.run_plan import RunPlan
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.store import Store
+from omnidrive.study.stored_rows import Loss
 from omnidrive.study.study_folder import DEFINITION_FILE, SCENARIO_FILE, load_study
 
 EXPORT_SUFFIXES = (".csv", ".parquet")
 """Suffixes of exported tables."""
+
+_log = logging.getLogger("omnidrive")
 
 _PAPER_TABLES = "paper-tables"  # study whose report checks the claims of the paper
 _MAX_VALUES = 12  # of an axis in the set-up
@@ -54,6 +58,8 @@ class StoredStudy(NamedTuple):
     """Stop rule; empty: none."""
     is_comparison: bool = False
     """Whether it is the folder of ``omnidrive compare``, which has a report of its own."""
+    loss: Loss = Loss(0, ())
+    """Stored runs that are damaged; the tables lack them."""
 
     @property
     def evidence(self) -> StudyEvidence:
@@ -83,6 +89,7 @@ class StoredStudy(NamedTuple):
             },
             versions=self._versions(plan),
             until=self.until,
+            damaged=str(self.loss) if self.loss.runs else "",
             published=definition.name == _PAPER_TABLES,
         )
 
@@ -100,6 +107,8 @@ class StoredStudy(NamedTuple):
 def read_study(folder: StrPath, *, allow_code: bool | CodePermission = False) -> StoredStudy:
     """Read the study in a folder, which may still run.
 
+    Damaged runs are left out, and logged as a warning.
+
     Args:
         folder: Folder of the study.
         allow_code: Whether code may be imported that the study names and that is not installed.
@@ -113,12 +122,16 @@ def read_study(folder: StrPath, *, allow_code: bool | CodePermission = False) ->
     path = to_path(folder)
     definition, until = load_study(path, allow_code=allow_code or CodePermission.UNREAD)
     with Store(path, read_only=True) as store:
-        table, timing = store.records(), store.timing()
+        table, timing, lost = store.tables()
+    name = one_line(str(path))
+    if lost.runs:
+        _log.warning("%s: %s; compute them again with: omnidrive study resume", name, lost)
     if not table.num_rows:
-        raise InvalidInput(f"no run of the study in {one_line(str(path))} is finished yet")
+        damaged = f" ({lost})" if lost.runs else ""
+        raise InvalidInput(f"no run of the study in {name} is finished yet{damaged}")
     one = (path / SCENARIO_FILE).is_file()
     text = (path / (SCENARIO_FILE if one else DEFINITION_FILE)).read_text(encoding="utf-8")
-    return StoredStudy(path, definition, text, table, timing, until, one)
+    return StoredStudy(path, definition, text, table, timing, until, one, lost)
 
 
 class StudyReport(NamedTuple):
@@ -152,6 +165,7 @@ def report_study(
     chosen = None if out is None else to_path(out)
     evidence, facts = study.evidence, study.facts()
     folder = chosen or (study.folder / "evidence" if study.is_comparison else study.folder)
+    remove_abandoned(folder)  # temporary files of killed reports
     tables = study_tables(evidence, facts, metric)
     page = folder
     for page in write_study_report(evidence, facts, tables, folder, metric):
@@ -184,6 +198,7 @@ def export_study(study: StoredStudy, path: StrPath, *, timing: bool = False) -> 
             ["number", *(f"timing:{name}" for name in study.timing.column_names[1:])]
         )
         table = table.join(columns, "number").sort_by("number")
+    remove_abandoned(path.parent, path.name)
     with output_file(path) as part, part.open("wb") as file:
         if suffix == ".csv":
             _write_csv(table, file)

@@ -81,13 +81,18 @@ class EvidencePage(NamedTuple):
 
     def _partial(self) -> str:
         """Return a warning if runs are missing; they may change the answer."""
+        damaged = f"{escape(self.facts.damaged)}. " if self.facts.damaged else ""
         missing = self.facts.planned - len(self.study.runs) - self.study.runs.refused
-        if missing <= 0:
+        if missing <= 0 and not damaged:
             return ""
+        part = (
+            f"{missing:,} of {self.facts.planned:,} planned runs are not finished: this is a part "
+            "of the study. "
+            if missing > 0 else ""
+        )  # fmt: skip
         return (
-            f'<p class="card warning">{missing:,} of {self.facts.planned:,} planned runs are not '
-            "finished: this is a part of the study. Go on with <code>omnidrive study resume</code>."
-            "</p>"
+            f'<p class="card warning">{damaged}{part}Go on with '
+            "<code>omnidrive study resume</code>.</p>"
         )
 
     def _answer(self) -> str:
