@@ -79,13 +79,14 @@ def plan(
         _solve(shared, scen, json)
         return
     study.check_plan_targets(out, png)
-    shortest_by_default = (
-        shared.map_file is not None
+    is_timed_here = (
+        shared.speed is not None
+        or shared.map_file is not None
         or shared.defines_motion
         or shared.timing in {"limits", "minimum-time"}
     )
     with announce_compiling():
-        if shortest_by_default and shared.duration is None:
+        if is_timed_here and shared.duration is None:
             planned = study.plan_at(shared.resolve(retimed=False), shared.speed)
         else:
             planned = study.plan_and_check(shared.resolve())
