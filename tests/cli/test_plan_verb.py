@@ -191,7 +191,8 @@ def test_differing_lengths_are_listed(capsys, tmp_path):
     assert "occupied" in blocked["why"]
     text = plan(capsys, *args)
     assert "lengths that differ 2" in text
-    assert "query 1: 3.00000000 cells in the file, 4.00000000 found" in text
+    found = "line 3: (0, 0) to (3, 1): 3.00000000 cells in the file, 4.00000000 found"
+    assert f"{tmp_path / 'a.scen'}, {found}" in text
 
 
 def test_plan_of_the_paper_is_unchanged(capsys):

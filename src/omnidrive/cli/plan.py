@@ -13,7 +13,7 @@ from omnidrive.choices import MethodName, Unknown
 from omnidrive.cli.options import PATH_PANEL, RESULTS_PANEL, JsonOption, choose_one, option
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude, note, print_json, show
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, one_line
 from omnidrive.study.output_paths import POSE_FORMATS
 
 _MAX_LISTED = 10  # queries listed in the text output
@@ -153,12 +153,12 @@ def _solve(shared: ScenarioOptions, scen: Path, json: bool) -> None:
     if json:
         print_json(solved)
         return
-    for line in _lines(solved):
+    for line in _lines(solved, one_line(str(scen))):
         show(line)
 
 
-def _lines(solved: dict[str, Any]) -> list[str]:
-    """Format the results of :func:`~omnidrive.study.solve_queries`; queries count from 0."""
+def _lines(solved: dict[str, Any], file: str) -> list[str]:
+    """Format the results of :func:`~omnidrive.study.solve_queries` with cells as in the file."""
     differing = solved["differing"]
     lines = [
         f"{'search':<20}{solved['search']}",
@@ -169,7 +169,8 @@ def _lines(solved: dict[str, Any]) -> list[str]:
         f"{'time':<20}{1e3 * solved['seconds']:.3f} ms",
     ]
     lines += [
-        f"query {each['query']}: {each['length_in_file']:.8f} cells in the file, "
+        f"{file}, line {each['line']}: {tuple(each['start_in_file'])} to "
+        f"{tuple(each['goal_in_file'])}: {each['length_in_file']:.8f} cells in the file, "
         + (each["why"] if each["length"] is None else f"{each['length']:.8f} found")
         for each in differing[:_MAX_LISTED]
     ]
