@@ -86,7 +86,7 @@ def read_csv(file: pathlib.Path, heading: TableHeading = "tangent") -> Waypoints
     factors = _factors(name, columns, units, table)
     table *= factors
     _check_values(name, numbers, table)
-    return _waypoints(name, numbers, dict(zip(columns.index, table.T, strict=True)), heading)
+    return _waypoints(name, numbers, dict(zip(columns.place, table.T, strict=True)), heading)
 
 
 def write_csv(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
@@ -122,7 +122,7 @@ def _rows(
     name: str, form: TableFormat, lines: list[str], columns: tuple[Columns, int]
 ) -> tuple[list[int], Float[Array, "rows columns"]]:
     """Return the line of each row, and the used columns in the order of their quantities."""
-    used, count = [*columns[0].index.values()], columns[1]
+    used, count = [*columns[0].place.values()], columns[1]
     numbers, rows = [], []
     for number, line in enumerate(lines[form.first_row - 1 :], form.first_row):
         if line.lstrip().startswith(COMMENT):
@@ -166,7 +166,7 @@ def _factors(
 ) -> Float[Array, " columns"]:
     """Return the factor of each column for SI units."""
     factors = []
-    for j, (quantity, i) in enumerate(columns.index.items()):
+    for j, (quantity, i) in enumerate(columns.place.items()):
         found = quantity_of(f"{quantity} {units[i]}") if units else None
         if units and found is None:
             known = ", ".join(UNITS[quantity])
@@ -229,7 +229,8 @@ def _yaw(name: str, lines: list[int], q: Float[Array, "rows 4"]) -> Float[Array,
             f"{name}, line {lines[i]}: a quaternion of norm {norm[i]:.6g}, need 1"
         )
     x, y, z, w = q.T
-    return np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    yaw: Float[Array, " rows"] = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return yaw
 
 
 def _check_values(name: str, lines: list[int], table: Float[Array, "rows columns"]) -> None:

@@ -45,7 +45,7 @@ _MAX_TITLE = 100
 class Columns(NamedTuple):
     """Columns of a table that are read, and the titles of the others."""
 
-    index: dict[str, int]
+    place: dict[str, int]
     """Index of the column of each quantity."""
     factor: dict[str, float]
     """Factor for SI units of each quantity, 0 where the title has no unit."""
