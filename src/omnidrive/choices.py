@@ -16,6 +16,9 @@ TimingName = Literal["uniform", "limits", "minimum-time"]
 """Laws of the timing along a path."""
 Heading = Literal["path", "tangent", "fixed", "free"]
 """Headings of the path; direction of travel; one constant heading; headings optimised for time."""
+
+TableHeading = Literal["tangent", "fixed"]
+"""Direction of travel; along the x axis. Headings of a waypoint table that has none."""
 FaultKind = Literal[
     "push", "slope", "payload", "patch", "wheel-dead", "wheel-locked", "wheel-weak", "encoder-dead",
     "pose-jump", "sensor-silent", "period-jitter", "solver-overrun",

@@ -122,6 +122,39 @@ def test_duration_scales_the_wheel_speed(capsys, room):
     assert slow["wheel_speed_used_percent"] == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.fixture
+def open_floor(tmp_path):
+    """A Nav2 map of 4 m x 4 m without obstacles."""
+    save_nav2_map(OccupancyGrid(np.zeros((40, 40), bool), 0.1), tmp_path / "floor.yaml")
+    return [tmp_path / "floor.yaml", "--robot", "small", "--json"]
+
+
+@pytest.mark.parametrize(
+    ("options", "duration"),
+    [
+        (["--start", "1,2", "--goal", "1.05,2"], 0.3),
+        (["--start", "1,2,0", "--goal", "1,2,1"], 0.3),
+        (["--start", "1,2,0", "--goal", "1,2,1", "--speed", "0.5"], 0.3),
+        (["--start", "1,2", "--goal", "1.05,2", "--speed", "0.1"], 0.5),
+        (["--start", "1,2", "--goal", "1.05,2", "--timing", "minimum-time"], 0.3),
+    ],
+)
+def test_short_motions_last_whole_sample_times(capsys, open_floor, tmp_path, options, duration):
+    """0.206 s and 0.267 s, the shortest durations, are rounded up to three sample times."""
+    if "minimum-time" in options:
+        pytest.importorskip("casadi")
+    facts = json.loads(plan(capsys, *open_floor, *options))
+    assert facts["shortest_duration_s"] <= facts["duration_s"] == pytest.approx(duration)
+    for name in ("short.csv", "short.traj"):
+        plan(capsys, *open_floor, *options, "--out", tmp_path / name)
+        assert load_waypoints(tmp_path / name).duration == pytest.approx(duration, abs=1e-9)
+
+
+def test_mean_speed_of_a_short_path_on_the_map_of_the_paper(capsys):
+    ends = ["--start", "1,2", "--goal", "1.3,2", "--timing", "limits", "--speed", "0.5"]
+    assert json.loads(plan(capsys, *ends, "--json"))["duration_s"] == pytest.approx(0.6)
+
+
 @pytest.mark.long
 def test_minimum_time_is_shorter_than_limits(capsys, room):
     pytest.importorskip("casadi")
@@ -158,7 +191,8 @@ def test_differing_lengths_are_listed(capsys, tmp_path):
     assert "occupied" in blocked["why"]
     text = plan(capsys, *args)
     assert "lengths that differ 2" in text
-    assert "query 1: 3.00000000 cells in the file, 4.00000000 found" in text
+    found = "line 3: (0, 0) to (3, 1): 3.00000000 cells in the file, 4.00000000 found"
+    assert f"{tmp_path / 'a.scen'}, {found}" in text
 
 
 def test_plan_of_the_paper_is_unchanged(capsys):

@@ -158,7 +158,10 @@ def test_drive_from_encoders_alone():
 
 
 def test_refusals():
-    for address in ("udp://board", "tcp://1.2.3.4:5", "udp://:5", "/dev/ttyACM0@fast"):
+    for address in (
+        "udp://board", "tcp://1.2.3.4:5", "udp://:5", "udp://[]:5",
+        "udp://board:\N{SUPERSCRIPT TWO}", "udp://board:99999999", "/dev/ttyACM0@fast",
+    ):  # fmt: skip
         with pytest.raises(InvalidInput, match="the address of a motor board"):
             WheelsLink(ROBOT, address)
     link = WheelsLink(ROBOT, "udp://127.0.0.1:9")

@@ -70,7 +70,7 @@ def test_queries_are_parsed(tmp_path):
     grid = load_movingai_map(write(tmp_path, MAP))
     lines = [b"version 1.0", b"3 m.map 3 2 2 0 0 1 1.5e0", b"", b"3\tmy map\t3\t2\t0\t1\t0\t0\t1\r"]
     queries = load_queries(write(tmp_path, b"\n".join(lines), "m.scen"), grid)
-    assert queries == [((1, 2), (0, 0), 1.5, 0.05), ((0, 0), (1, 0), 1.0, 0.5)]
+    assert queries == [((1, 2), (0, 0), 1.5, 0.05, 2), ((0, 0), (1, 0), 1.0, 0.5, 4)]
 
 
 @pytest.mark.parametrize(

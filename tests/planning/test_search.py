@@ -273,9 +273,13 @@ def test_costs_of_the_options():
 @pytest.mark.parametrize(
     ("cell", "message"),
     [
-        ((20, 3), r"\(20, 3\) lies outside the grid of 20 rows and 30 columns"),
-        ((-1, 3), r"\(-1, 3\) lies outside"),
-        ((10, 9), r"\(10, 9\) is occupied; the nearest free cell is \(9, 9\), 1 cells away"),
+        ((20, 3), r"\(row 20, column 3\) lies outside the grid of 20 rows and 30 columns"),
+        ((-1, 3), r"\(row -1, column 3\) lies outside"),
+        (
+            (10, 9),
+            r"\(row 10, column 9\) is occupied; "
+            r"the nearest free cell is \(row 9, column 9\), 1 cell away$",
+        ),
     ],
 )
 def test_invalid_cells_are_rejected(cell, message):

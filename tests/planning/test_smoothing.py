@@ -305,7 +305,7 @@ def test_headings_follow_the_path_and_match_the_ends():
         ([(1.5, 1.5), (5.5, 1.5)], {"clearance": np.inf}, "must be 0 m or more"),
         ([(1.5, 1.5), (9.5, 1.5)], {}, "enters an obstacle"),
         ([(1.5, 1.5), (1e9, 1.5)], {}, "1e.09 cells long"),
-        ([(0.5, 4.5), (7.5, 4.5)], {}, "enters an obstacle near the cell in row 4, column 3"),
+        ([(0.5, 4.5), (7.5, 4.5)], {}, r"enters an obstacle near \(3.5, 4.5\) m"),
     ],
 )
 def test_invalid_input_is_rejected(points, options, message):

@@ -245,6 +245,75 @@ def test_table_variants(tmp_path, text):
     assert reference.poses == pytest.approx(np.array([[1, 2, 0.5], [2, 3, 1.0]]))
 
 
+ROW = [[1.0, 2.0, 0.5], [2.0, 3.0, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("text", "notes"),
+    [
+        (",x,y,yaw\n0,1,2,0.5\n1,2,3,1\n", []),
+        ("Unnamed: 0,x,y,yaw\n0,1,2,0.5\n1,2,3,1\n", []),
+        ('x,y,yaw,speed,name\n1,2,0.5,1,"a, b"\n2,3,1,1,\n', ["not used: speed, name"]),
+        ("x;y;yaw\r\n1;2;0,5\r\n2;3;1\r\n", []),
+        ('\ufeff"x"\t"y"\t"yaw"\n1\t2\t0,5\n2\t3\t1\n', []),
+        ("  x   y yaw\n 1  2   0.5\n 2  3  1\n", []),
+        ("# by night\n# x; y; yaw\n1; 2; 0.5\n2; 3; 1\n", []),
+        (
+            "# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n"
+            "0.0; 1.0; 2.0; 0.5; 0.0; 1.0; 0.0\n1.0; 2.0; 3.0; 1.0; 0.0; 1.0; 0.0\n",
+            ["not used: s_m, kappa_radpm, vx_mps, ax_mps2"],
+        ),
+        (
+            f"x,y,qx,qy,qz,qw\n1,2,0,0,{np.sin(0.25)},{np.cos(0.25)}\n"
+            f"2,3,0,0,{np.sin(0.5)},{np.cos(0.5)}\n",
+            [],
+        ),
+        (f"x,y,yaw_deg\n1,2,{np.rad2deg(0.5)}\n2,3,{180 / np.pi}\n", []),
+        ("1,2,0.5\n2,3,1\n", ["no titles and are read as x, y, yaw"]),
+    ],
+)
+def test_tables_of_other_programs(tmp_path, caplog, text, notes):
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8", newline="")
+    path = load_waypoints(tmp_path / "a.csv")
+    assert isinstance(path, Path)
+    assert path.poses == pytest.approx(np.array(ROW))
+    assert len(caplog.messages) == len(notes)
+    assert all(note in said for note, said in zip(notes, caplog.messages, strict=True))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "timestamp,x,y,theta\n5,1,2,0.5\n6,2,3,1\n",
+        "#stamp [ns], x, y, yaw\n1403636579763555584, 1, 2, 0.5\n1403636580763555584, 2, 3, 1\n",
+        "stamp,x,y,yaw\n1403636579763555584,1,2,0.5\n1403636580763555584,2,3,1\n",
+        "t;x;y;yaw\n0,5;1;2;0,5\n1,5;2;3;1\n",
+        "0,1,2,0.5\n1,2,3,1\n",
+        "# timestamp tx ty tz qx qy qz qw\n"
+        f"1305031102.25 1 2 9 0 0 {np.sin(0.25)} {np.cos(0.25)}\n"
+        f"1305031103.25 2 3 9 0 0 {np.sin(0.5)} {np.cos(0.5)}\n",
+        f"1305031102.25 1 2 9 0 0 {np.sin(0.25)} {np.cos(0.25)}\n"
+        f"1305031103.25 2 3 9 0 0 {np.sin(0.5)} {np.cos(0.5)}\n",
+        "t,x,y,yaw,vx\n0,1,2,0.5,9\n1,2,3,1,9\n",
+    ],
+)
+def test_timed_tables_of_other_programs(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    reference = load_waypoints(tmp_path / "a.csv")
+    assert reference.times == pytest.approx([0.0, 1.0], abs=1e-6)
+    assert reference.poses == pytest.approx(np.array(ROW))
+
+
+@pytest.mark.parametrize("titles", ["x,y\n", "# x_m, y_m\n", ""])
+def test_heading_of_a_table_without_one(tmp_path, caplog, titles):
+    (tmp_path / "a.csv").write_text(f"{titles}0,0\n0,1\n-1,1\n")
+    tangent = load_waypoints(tmp_path / "a.csv").poses
+    assert tangent[:, 2] == pytest.approx([np.pi / 2, np.pi / 2, np.pi])
+    assert "the heading is the direction of travel" in caplog.messages[-1]
+    fixed = load_waypoints(tmp_path / "a.csv", heading="fixed").poses
+    assert fixed.tolist() == [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
+
+
 def test_table_with_velocities(tmp_path):
     (tmp_path / "a.csv").write_text(
         "t,x,y,yaw,vx [m/s],vy [m/s],omega [deg/s]\n0,0,0,0,1,2,90\n1,1,2,1,3,4,180\n"

@@ -245,3 +245,19 @@ def test_log_holds_the_wheel_speeds_that_the_plant_reports(plant, shape):
     commands = identification_commands(SMALL, rng, 0.05, 10.0)
     log = simulated_log(plant(SMALL), commands, 0.05, rng)
     assert getattr(log.wheel_speeds, "shape", None) == shape
+
+
+@pytest.mark.parametrize(
+    ("separator", "decimal", "start"),
+    [(";", ",", ""), ("\t", ".", "# drive\n# "), (" ", ".", ""), (",", ".", "# "), ("  ", ",", "")],
+)
+def test_log_in_another_table_format(tmp_path, separator, decimal, start):
+    titles = ["t", "command_vx", "command_vy", "command_yaw_rate", "x", "y", "yaw", "note"]
+    rows = [[k / 10, 0.25, -0.5, 1.5, 0.5 * k, 2.0, 0.125, 7.0] for k in range(4)]
+    lines = [separator.join(str(value).replace(".", decimal) for value in row) for row in rows]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([start + separator.join(titles), *lines, ""]))
+    log = read_log(path)
+    assert log.t.tolist() == [0.0, 0.1, 0.2, 0.3]
+    assert log.commands[0].tolist() == [0.25, -0.5, 1.5]
+    assert log.poses[3].tolist() == [1.5, 2.0, 0.125]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnidrive.maps import load_queries, random_map
+from omnidrive.maps import OccupancyGrid, load_queries, random_map
 from omnidrive.planning import GridSearch
 from omnidrive.study import solve_queries
 
@@ -47,3 +47,20 @@ def test_wrong_lengths_differ(tmp_path, solved, digits, step):
     lines = [(start, goal, f"{length + step:{digits}}") for start, goal, length in found]
     wrong = solve_queries(grid, written(tmp_path, grid, lines))["differing"]
     assert [each["query"] for each in wrong] == list(range(QUERIES))
+
+
+def test_messages_count_cells_and_lines_as_the_file(tmp_path):
+    """Row 3 of the grid is y = 2 from the top."""
+    occupied = np.zeros((6, 9), bool)
+    occupied[[2, 3], 1] = True
+    (path := tmp_path / "m.scen").write_text(
+        "version 1\n\n0\tm.map\t9\t6\t1\t2\t8\t5\t8.0\n0\tm.map\t9\t6\t0\t0\t1\t3\t3.4\n"
+    )
+    grid = OccupancyGrid(occupied, 1.0)
+    first, second = solve_queries(grid, load_queries(path, grid))["differing"]
+    assert (first["line"], first["start_in_file"], first["goal_in_file"]) == (3, [1, 2], [8, 5])
+    assert first["why"] == (
+        "the start (x 1, y 2) is occupied; the nearest free cell is (x 0, y 2), 1 cell away"
+    )
+    assert (second["line"], second["goal"], second["goal_in_file"]) == (4, [2, 1], [1, 3])
+    assert "the goal (x 1, y 3) is occupied" in second["why"]

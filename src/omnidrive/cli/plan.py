@@ -13,7 +13,7 @@ from omnidrive.choices import MethodName, Unknown
 from omnidrive.cli.options import PATH_PANEL, RESULTS_PANEL, JsonOption, choose_one, option
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude, note, print_json, show
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, one_line
 from omnidrive.study.output_paths import POSE_FORMATS
 
 _MAX_LISTED = 10  # queries listed in the text output
@@ -79,13 +79,14 @@ def plan(
         _solve(shared, scen, json)
         return
     study.check_plan_targets(out, png)
-    shortest_by_default = (
-        shared.map_file is not None
+    is_timed_here = (
+        shared.speed is not None
+        or shared.map_file is not None
         or shared.defines_motion
         or shared.timing in {"limits", "minimum-time"}
     )
     with announce_compiling():
-        if shortest_by_default and shared.duration is None:
+        if is_timed_here and shared.duration is None:
             planned = study.plan_at(shared.resolve(retimed=False), shared.speed)
         else:
             planned = study.plan_and_check(shared.resolve())
@@ -152,12 +153,12 @@ def _solve(shared: ScenarioOptions, scen: Path, json: bool) -> None:
     if json:
         print_json(solved)
         return
-    for line in _lines(solved):
+    for line in _lines(solved, one_line(str(scen))):
         show(line)
 
 
-def _lines(solved: dict[str, Any]) -> list[str]:
-    """Format the results of :func:`~omnidrive.study.solve_queries`; queries count from 0."""
+def _lines(solved: dict[str, Any], file: str) -> list[str]:
+    """Format the results of :func:`~omnidrive.study.solve_queries` with cells as in the file."""
     differing = solved["differing"]
     lines = [
         f"{'search':<20}{solved['search']}",
@@ -168,7 +169,8 @@ def _lines(solved: dict[str, Any]) -> list[str]:
         f"{'time':<20}{1e3 * solved['seconds']:.3f} ms",
     ]
     lines += [
-        f"query {each['query']}: {each['length_in_file']:.8f} cells in the file, "
+        f"{file}, line {each['line']}: {tuple(each['start_in_file'])} to "
+        f"{tuple(each['goal_in_file'])}: {each['length_in_file']:.8f} cells in the file, "
         + (each["why"] if each["length"] is None else f"{each['length']:.8f} found")
         for each in differing[:_MAX_LISTED]
     ]

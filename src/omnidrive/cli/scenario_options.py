@@ -167,7 +167,12 @@ class ScenarioOptions:
     ] = None
     heading: Annotated[
         str | None,
-        choice(get_args(Heading), "Heading of the robot, with the timing `limits`.", PATH_PANEL),
+        choice(
+            get_args(Heading),
+            "Heading of the robot, with the timing `limits`; tangent or fixed also for a waypoint "
+            "table without headings.",
+            PATH_PANEL,
+        ),
     ] = None
     estimator: Annotated[
         bool | None,
@@ -218,13 +223,20 @@ class ScenarioOptions:
     def _motion(self) -> dict[str, Any] | None:
         """Value of the scenario key `reference`; None: that of the scenario."""
         if self._kind != "waypoints":
-            return None if self.reference is None else reference_data(self.reference)
+            motion = None if self.reference is None else reference_data(self.reference)
+            is_file = motion is not None and motion["type"] == WAYPOINTS
+            return {**(motion or {}), **self._table_heading} if is_file else motion
         if self.reference is not None:
             raise InvalidInput(
                 "a waypoint file as the argument and --reference exclude each other; give one of "
                 "them"
             )
-        return {"type": WAYPOINTS, "file": self.scenario}
+        return {"type": WAYPOINTS, "file": self.scenario, **self._table_heading}
+
+    @property
+    def _table_heading(self) -> dict[str, str]:
+        """Parameter of a waypoint file for ``--heading``."""
+        return {} if self.heading is None else {"heading": self.heading}
 
     def resolve(self, *, retimed: bool = True) -> study.Scenario:
         """Return the scenario defined by the options.
@@ -287,7 +299,10 @@ class ScenarioOptions:
         """Raise InvalidInput if an option has no effect on the scenario's reference."""
         if scenario.reference == "path":
             return
-        names = (*_PATH_OPTIONS, *(["start"] if scenario.reference.type == WAYPOINTS else []))
+        is_file = scenario.reference.type == WAYPOINTS
+        names = [*_PATH_OPTIONS, "start"] if is_file else [*_PATH_OPTIONS]
+        if is_file and self._motion is not None:
+            names.remove("heading")
         unused = [f"--{n.replace('_', '-')}" for n in names if getattr(self, n) is not None]
         if unused:
             raise InvalidInput(
@@ -297,8 +312,9 @@ class ScenarioOptions:
 
     def _with_keys(self, data: dict[str, Any]) -> dict[str, Any]:
         """Return the scenario data with the options of ``_KEYS`` applied."""
+        of_table = self._motion is not None and self._motion["type"] == WAYPOINTS
         for field, key in _KEYS.items():
-            value = getattr(self, field)
+            value = None if field == "heading" and of_table else getattr(self, field)
             if value is not None:
                 section, name = key.split(".")
                 data[section][name] = value

@@ -23,12 +23,14 @@ class Query(NamedTuple):
         length: Length of a shortest path over eight neighbours, in cells, as the file states it.
             A diagonal move has length sqrt(2) and must not cut corners.
         rounding: Half of the last decimal that the file writes of ``length``, in cells.
+        line: Line of the file, from 1; 0: not from a file.
     """
 
     start: tuple[int, int]
     goal: tuple[int, int]
     length: float
     rounding: float = 0.0
+    line: int = 0
 
 
 def load_queries(path: StrPath, grid: OccupancyGrid) -> list[Query]:
@@ -52,10 +54,15 @@ def load_queries(path: StrPath, grid: OccupancyGrid) -> list[Query]:
             f"got {short_repr(lines[0].strip())}"
         )
     return [
-        _query(line, f"{name}, line {number}", *grid.occupied.shape)
+        _query(line, f"{name}, line {number}", *grid.occupied.shape)._replace(line=number)
         for number, line in enumerate(lines[1:], 2)
         if line.strip()
     ]
+
+
+def file_cell(grid: OccupancyGrid, row: int, col: int) -> tuple[int, int]:
+    """Return x and y of a cell of the grid as MovingAI files count them: y from the top."""
+    return col, grid.occupied.shape[0] - 1 - row
 
 
 def _query(line: str, where: str, rows: int, cols: int) -> Query:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from omnidrive.choices import TableHeading
 from omnidrive.geometry import Pose
 from omnidrive.reference.limit_usage import shortest_duration_within
 from omnidrive.reference.limits import MotionLimits, limit_rows
@@ -45,6 +46,8 @@ class WaypointFile:
     file: str
     """CSV, PathPlanner, Choreo or ROS `nav_msgs/Path` file; in a scenario file, its path is
     relative to that file."""
+    heading: TableHeading = "tangent"
+    """Heading of a CSV table without headings: the direction of travel, or 0 rad."""
 
 
 def circle(context: ReferenceContext, parameters: Circle) -> ShapeReference:
@@ -79,7 +82,7 @@ def random_smooth(context: ReferenceContext, parameters: RandomSmooth) -> ShapeR
 
 def waypoints(context: ReferenceContext, parameters: WaypointFile) -> Reference:
     """Waypoint file: as timed there, or in the shortest time if it has no times."""
-    return waypoint_reference(parameters.file, context.robot)
+    return waypoint_reference(parameters.file, context.robot, heading=parameters.heading)
 
 
 def _fastest(context: ReferenceContext, shape: Shape) -> ShapeReference:

@@ -6,6 +6,7 @@ from math import ceil
 
 import numpy as np
 
+from omnidrive.choices import TableHeading
 from omnidrive.errors import InvalidReference, one_line
 from omnidrive.files.str_path import StrPath
 from omnidrive.planning import Path, SplinePath
@@ -30,7 +31,9 @@ _LEVER = 0.3
 """Distance that counts as much as a turn by 1 rad, in m."""
 
 
-def waypoint_reference(file: StrPath, robot: Robot) -> SampledReference | TimedReference:
+def waypoint_reference(
+    file: StrPath, robot: Robot, *, heading: TableHeading = "tangent"
+) -> SampledReference | TimedReference:
     """Return the motion of a waypoint file.
 
     A file with times is interpolated, see :class:`SampledReference`. A file without times is
@@ -40,12 +43,13 @@ def waypoint_reference(file: StrPath, robot: Robot) -> SampledReference | TimedR
     Args:
         file: Waypoint file, see :func:`load_waypoints`.
         robot: Robot whose limits hold on a path without times.
+        heading: Heading of a table without headings, see :func:`load_waypoints`.
 
     Raises:
         InvalidReference: The file is missing or malformed, or a path without times is longer than
             1 km or cannot be timed.
     """
-    found = load_waypoints(file)
+    found = load_waypoints(file, heading=heading)
     if isinstance(found, SampledReference):
         return found
     try:

@@ -11,6 +11,7 @@ from typing import ClassVar
 
 from omnidrive.components import component_names, find_component
 from omnidrive.errors import InvalidInput, kind_of, one_line, suggestion
+from omnidrive.files.str_path import is_path
 from omnidrive.robot.robot import Robot
 from omnidrive.robot.robot_file import is_robot_file, load_robot
 
@@ -70,7 +71,7 @@ def _check_not_a_file(name: str) -> None:
     """Raise InvalidInput if a text that names no robot has the form of a path."""
     if os.path.isfile(name):
         raise InvalidInput(f"{one_line(name)} is not a robot file: its name must end with .yaml")
-    if Path(name).suffix or "/" in name or os.sep in name:
+    if is_path(name):
         raise InvalidInput(
             f"the robot file {one_line(name)} does not exist; its name must end with .yaml"
         )

@@ -16,7 +16,7 @@ from omnidrive.components.code import CodePermission
 from omnidrive.components.configured import ALLOW_CODE
 from omnidrive.errors import InvalidInput, InvalidStudy, one_line, short_repr, suggestion
 from omnidrive.files.output_file import output_file
-from omnidrive.files.str_path import StrPath, to_path
+from omnidrive.files.str_path import StrPath, is_path, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.parameter import Bounds
 from omnidrive.study.axes import moved_files
@@ -85,7 +85,7 @@ def load_definition(
     """Read a study file, or a study of this package by its name.
 
     Args:
-        source: The file, or a name of :func:`study_names`.
+        source: The file, or a name of :func:`study_names`; a name has no suffix and no separator.
         changes: Values of settings of the base scenario by their dotted paths; those that are axes
             or random factors of the study become fixed. Code that they name may be imported.
         allow_code: Whether components may be code that is not installed; only for files that you
@@ -96,10 +96,13 @@ def load_definition(
             a value is invalid. The message names up to ten problems.
     """
     path = to_path(source)
-    if path.suffix.lower() not in {".yaml", ".yml"} and not path.exists():
+    if not is_path(os.fspath(source)):
         if str(source) not in study_names():
             hint = suggestion(str(source), study_names())
-            raise InvalidStudy(f"there is no study '{one_line(str(source), 60)}'{hint}")
+            raise InvalidStudy(
+                f"there is no study '{one_line(str(source), 60)}'{hint} (your own: a file, which "
+                "ends with .yaml)"
+            )
         path = Path(str(_ROOT / f"{source}.yaml"))
     data, name = read_yaml(path, "study", InvalidStudy), one_line(str(path))
     return parse_definition(data, name, path, changes=changes, allow_code=allow_code)

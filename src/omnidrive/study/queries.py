@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, get_args
 
 from omnidrive.choices import HeuristicName, MethodName
 from omnidrive.errors import InvalidWaypoint, NoPathFound
 from omnidrive.maps import OccupancyGrid, Query
+from omnidrive.maps.queries import file_cell
 from omnidrive.parameter import check_choice
 from omnidrive.planning import GridSearch
 
@@ -34,8 +36,9 @@ def solve_queries(
     Returns:
         The method, the number of queries and of solved queries, the total expansions and seconds,
         and ``differing``: for every query whose length differs from the file's, its number (from
-        0), start and goal (row, column), both lengths in cells, and the error message if no path
-        was found (``length`` is then None).
+        0) and line (from 1), start and goal as (row, column) of the grid and as (x, y) of the
+        file, both lengths in cells, and the error message, in x and y of the file, if no path was
+        found (``length`` is then None).
 
     Raises:
         InvalidInput: The method or heuristic is unknown.
@@ -43,7 +46,7 @@ def solve_queries(
     check_choice("search method", method, get_args(MethodName))
     if heuristic is not None:
         check_choice("heuristic", heuristic, get_args(HeuristicName))
-    search, differing = GridSearch(grid), []
+    search, differing = GridSearch(grid, cell_text=partial(_cell_text, grid)), []
     expansions, seconds, solved = 0, 0.0, 0
     for number, query in enumerate(queries):
         length, why = None, ""
@@ -59,8 +62,11 @@ def solve_queries(
             differing.append(
                 {
                     "query": number,
+                    "line": query.line,
                     "start": list(query.start),
                     "goal": list(query.goal),
+                    "start_in_file": list(file_cell(grid, *query.start)),
+                    "goal_in_file": list(file_cell(grid, *query.goal)),
                     "length_in_file": query.length,
                     "length": length,
                     "why": why,
@@ -74,3 +80,8 @@ def solve_queries(
         "expansions": expansions,
         "seconds": seconds,
     }
+
+
+def _cell_text(grid: OccupancyGrid, row: int, col: int) -> str:
+    x, y = file_cell(grid, row, col)
+    return f"x {x}, y {y}"

@@ -18,7 +18,9 @@ from omnidrive.study.tasks import DURATION, DurationsTask, FaultsTask, Tasks
 DEFAULT_SPEED = 0.5
 """Default mean speed in m/s, close to that of the paper (its path in 20 s)."""
 
-_LEAST_SAMPLES = 10  # of a path, also if its length is zero
+_LEAST_SAMPLES = 10  # of a run at the default or a given mean speed
+
+_NO_LENGTH = 1e-6  # m; a path of at most this length is a turn on the spot
 
 
 def retime(
@@ -66,8 +68,8 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
     durations = scenario.tasks.path_durations
     if not durations:
         return planned
-    desired = planned.path.length / speed if speed else planned.natural or planned.shortest
-    duration = _whole(desired, scenario.sample_time)
+    desired = _at_speed(planned, speed) if speed else planned.natural or planned.shortest
+    duration = _whole(max(desired, DURATION.low), scenario.sample_time)
     planned.reference(duration)
     return replace(planned, scenario=_scaled(scenario, duration / durations[0]))
 
@@ -75,15 +77,21 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
 def _default_duration(scenario: Scenario, speed: float | None) -> float:
     """Return the duration in s at ``speed`` or the default speed, in whole sample times."""
     planned = plan_scenario(scenario)
-    desired = planned.path.length / (speed or DEFAULT_SPEED)
+    desired = _at_speed(planned, speed or DEFAULT_SPEED)
     if speed is None:
         desired = planned.natural or max(desired, planned.shortest)
-    return _whole(desired, scenario.sample_time)
+    return _whole(max(desired, _LEAST_SAMPLES * scenario.sample_time), scenario.sample_time)
+
+
+def _at_speed(planned: PlannedScenario, speed: float) -> float:
+    """Return the duration (s) at a mean speed; the shortest for a turn on the spot."""
+    length = planned.path.length
+    return length / speed if length > _NO_LENGTH else planned.shortest
 
 
 def _whole(duration: float, dt: float) -> float:
-    """Round a duration (s) up to whole sample times, at least :data:`_LEAST_SAMPLES`."""
-    return ceil(max(duration / dt, _LEAST_SAMPLES) - 1e-9) * dt
+    """Round a duration (s) up to whole sample times."""
+    return round(ceil(duration / dt - 1e-9) * dt, 9)
 
 
 def _check_positive(name: str, value: float | None, unit: str) -> None:

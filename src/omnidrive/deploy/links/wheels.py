@@ -266,7 +266,9 @@ def _opener(address: str) -> Callable[[], _Port]:
     """
     if address.startswith("udp://"):
         host, _, port = address.removeprefix("udp://").rpartition(":")
-        if not host or not port.isdigit() or not 0 < int(port) < 2**16:
+        host = host.removeprefix("[").removesuffix("]")  # of IPv6, as in a URL
+        is_port = port.isascii() and port.isdigit() and len(port) <= 5 and 0 < int(port) < 2**16
+        if not host or not is_port:
             raise InvalidInput(f"the address of a motor board is udp://HOST:PORT, got {address!r}")
         return lambda: _UdpPort(host, int(port))
     name, _, baud = address.partition("@")
@@ -288,6 +290,8 @@ class _UdpPort:
             self._socket.connect(peer)
         except OSError as error:
             raise LinkLost(f"udp://{host}:{port}: {error.strerror or error}") from None
+        except UnicodeError:
+            raise LinkLost(f"udp://{host}:{port}: this is not the name of a host") from None
         self._socket.setblocking(False)
 
     def receive(self) -> bytes:

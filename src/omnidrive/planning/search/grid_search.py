@@ -27,6 +27,11 @@ from omnidrive.planning.search.result import SearchResult, path_length
 
 _ROUNDING = 1e-9  # cells; of the length of a path
 
+
+def _row_and_column(row: int, col: int) -> str:
+    return f"row {row}, column {col}"
+
+
 SearchOutput = tuple[Int32[Array, " cells"], int]
 """Bit indices of the path's cells, empty if there is no path, and the number of expansions."""
 
@@ -96,6 +101,7 @@ class GridSearch:
         grid: The occupancy grid; changes after the first search have no effect.
         neighbours: 8, or 4 for no diagonal moves.
         cut_corners: Allow a diagonal move past an occupied cell.
+        cell_text: Text for the cell of a row and a column in messages.
 
     Raises:
         InvalidInput: ``neighbours`` is neither 8 nor 4.
@@ -104,6 +110,7 @@ class GridSearch:
     grid: OccupancyGrid
     neighbours: int = 8
     cut_corners: bool = False
+    cell_text: Callable[[int, int], str] = _row_and_column
 
     def __post_init__(self) -> None:
         if self.neighbours not in {4, 8}:
@@ -155,11 +162,12 @@ class GridSearch:
         row, col = index(cell[0]), index(cell[1])
         if not self.grid.contains(row, col):
             raise InvalidWaypoint(
-                f"the {name} ({row}, {col}) lies outside the grid of {rows} rows and {cols} columns"
+                f"the {name} ({self.cell_text(row, col)}) lies outside the grid of {rows} rows "
+                f"and {cols} columns"
             )
         if self.grid.occupied[row, col]:
             raise InvalidWaypoint(
-                f"the {name} ({row}, {col}) is occupied; {self._nearest(row, col)}"
+                f"the {name} ({self.cell_text(row, col)}) is occupied; {self._nearest(row, col)}"
             )
         return self._bitgrid.index_of((row, col))
 
@@ -168,9 +176,10 @@ class GridSearch:
         nearest = self.grid.nearest_free(*self.grid.centre(row, col))
         if nearest is None:
             return "no cell is free"
-        (r, c), distance = nearest
-        cells = distance / self.grid.resolution
-        return f"the nearest free cell is ({r}, {c}), {cells:.3g} cells away"
+        cell, distance = nearest
+        cells = f"{distance / self.grid.resolution:.3g}"
+        unit = "cell" if cells == "1" else "cells"
+        return f"the nearest free cell is ({self.cell_text(*cell)}), {cells} {unit} away"
 
     def _unreachable(self, start: Cell) -> str:
         """Explain why there is no path, for messages."""

@@ -10,17 +10,25 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.planning.clearance import Obstacles, chord_clearances
+from omnidrive.planning.grid_frame import GridFrame
 
 _MAX_STEP = 1.5  # cells; longer steps are subdivided
 _MAX_POINTS = 1_000_000
 
 
-def free_polygon(obstacles: Obstacles, points: Float[Array, "points 2"]) -> Float[Array, "more 2"]:
+def free_polygon(
+    obstacles: Obstacles, points: Float[Array, "points 2"], frame: GridFrame
+) -> Float[Array, "more 2"]:
     """Return the polygon through ``points`` (cells) in short steps, after a collision check.
 
     The first and last point may lie anywhere in their cells. If the step from an end crosses the
     corner of an obstacle, the centre of the end's cell is inserted, from which the search has
     checked the next step.
+
+    Args:
+        obstacles: The occupied cells.
+        points: Corners of the polygon, in cells.
+        frame: Frame of the cells, for messages in W.
 
     Raises:
         InvalidInput: The polygon enters an obstacle elsewhere, or is too long.
@@ -33,10 +41,9 @@ def free_polygon(obstacles: Obstacles, points: Float[Array, "points 2"]) -> Floa
     entered = _first_blocked_edge(obstacles, polygon)
     if entered is None:
         return polygon
-    col, row = np.floor(polygon[entered]).astype(int).tolist()
+    x, y = frame.world(polygon[entered : entered + 1])[0].tolist()
     raise InvalidInput(
-        f"the path to smooth enters an obstacle near the cell in row {row}, column {col}; "
-        "it must lie in free cells"
+        f"the path to smooth enters an obstacle near ({x:g}, {y:g}) m; it must lie in free cells"
     )
 
 

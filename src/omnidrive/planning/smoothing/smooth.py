@@ -102,7 +102,7 @@ def _certified(
     if not np.ptp(points, axis=0).any():  # the robot turns on the spot
         return np.repeat(points[:1], 4, axis=0), float(grid.clearance(points[:1])[0])
     # rounded, so that the result does not depend on the pose of the grid in W
-    polygon = free_polygon(obstacles, frame.cells(points).round(_DIGITS))
+    polygon = free_polygon(obstacles, frame.cells(points).round(_DIGITS), frame)
     start = certified_initial_spline(
         obstacles, polygon, max(clearance / frame.resolution, _MIN_CLEARANCE)
     )

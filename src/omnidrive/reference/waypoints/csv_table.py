@@ -1,79 +1,92 @@
-"""Waypoints as a table of comma-separated values.
+"""Waypoints as a table of numbers.
 
-The first line contains the column names, in any order: ``x``, ``y``, ``yaw``, in a timed file also
-``t``, and optionally the velocities in W ``vx``, ``vy``, ``yaw_rate``. A name may include its unit,
-as ``yaw_deg``, ``yaw [deg]`` or ``vx_m_per_s``, or a line ``# units: s, m, m, deg`` gives all
-units; the default units are s, m and rad. Other lines that begin with ``#`` are comments.
+Titles name the columns, in any order, in the first line or in a comment before the first row:
+``x``, ``y``, ``yaw``, in a timed file also ``t``, and optionally the velocities in W ``vx``,
+``vy``, ``yaw_rate``; for the format see :mod:`omnidrive.files.number_table`. A title may include
+the unit, as ``yaw_deg``, ``yaw [deg]`` or ``vx_m_per_s``, or a line ``# units: s, m, m, deg`` gives
+all units; the default units are s, m and rad. A quaternion ``qx``, ``qy``, ``qz``, ``qw`` may stand
+for the yaw. Without both, the heading is the direction of travel. Other columns are ignored, and
+other lines that begin with ``#`` are comments.
 """
 
 from __future__ import annotations
 
+import logging
 import pathlib
-import re
-from math import pi
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidReference, one_line, short_repr, suggestion
-from omnidrive.files.number_text import parse_number
+from omnidrive.choices import TableHeading
+from omnidrive.errors import InvalidReference, one_line, short_repr
+from omnidrive.files.number_table import (
+    COMMENT,
+    TableFormat,
+    split_cells,
+    table_format,
+    table_separator,
+)
 from omnidrive.planning import Path
+from omnidrive.planning.headings import with_headings
 from omnidrive.reference.sampled_reference import MAX_SAMPLES, MAX_VALUE
+from omnidrive.reference.waypoints.table_columns import (
+    POSITION,
+    QUATERNION,
+    TWIST,
+    UNITS,
+    UNNAMED,
+    Columns,
+    quantity_of,
+    table_columns,
+)
 from omnidrive.reference.waypoints.text_file import read_text, write_text
 from omnidrive.reference.waypoints.waypoints import Waypoints, timed_waypoints, untimed_waypoints
 
-_POSE, _TWIST = ("x", "y", "yaw"), ("vx", "vy", "yaw_rate")
-_DEGREE = pi / 180.0
-_TIME = {"s": 1.0, "ms": 1e-3}
-_LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-_ANGLE = {"rad": 1.0, "deg": _DEGREE}
-_SPEED = {"m_per_s": 1.0, "m_s": 1.0}
-_YAW_RATE = {"rad_per_s": 1.0, "rad_s": 1.0, "deg_per_s": _DEGREE, "deg_s": _DEGREE}
-_UNITS = {
-    "t": _TIME, "x": _LENGTH, "y": _LENGTH, "yaw": _ANGLE,
-    "vx": _SPEED, "vy": _SPEED, "yaw_rate": _YAW_RATE,
-}  # fmt: skip
-_ALIASES = {"time": "t", "theta": "yaw", "heading": "yaw", "omega": "yaw_rate"}
-_MAX_TITLE = 60
 _MAX_LINES = 2 * MAX_SAMPLES  # including comments and empty lines
 _PATH_HEADER = "x_m,y_m,yaw_rad"
 _INTERPOLATION = (
     "# Between rows x, y and yaw are cubic polynomials of the poses and velocities (Hermite)."
 )
 _TIMED_HEADER = f"t_s,{_PATH_HEADER},vx_m_per_s,vy_m_per_s,yaw_rate_rad_per_s"
+_NORM_TOLERANCE = 0.01  # of the norm of a quaternion from 1
+_CLOCKS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
+"""Least times of clocks that count from 1970, by unit; in s it would be the year 5138."""
+
+_log = logging.getLogger("omnidrive")
 
 
-def read_csv(file: pathlib.Path) -> Waypoints:
+def read_csv(file: pathlib.Path, heading: TableHeading = "tangent") -> Waypoints:
     """Read a table as a :class:`SampledReference` if it has times, else as a :class:`Path`.
+
+    Columns that are ignored, and quantities or units that no title gives, are logged.
+
+    Args:
+        file: The file.
+        heading: Heading of a table without one: the direction of travel, or along the x axis.
 
     Raises:
         InvalidReference: The file is not a valid table; the message gives the position.
     """
     name, text = one_line(str(file)), read_text(file)
-    columns: dict[str, float] = {}
-    units: list[str] = []
-    rows, lines = [], []
-    for number, line in enumerate(_lines(name, text), 1):
-        where = f"{name}, line {number}"
-        cells = [cell.strip().strip('"') for cell in line.split(",")]
-        if line.lstrip().startswith("#"):
-            cells[0] = cells[0].lstrip("#").strip()
-            if cells[0].lower().startswith("units:"):
-                units = [cells[0][len("units:") :].strip(), *cells[1:]]
-            elif not columns and len(cells) <= len(_UNITS) and all(map(_column, cells)):
-                columns = _columns(where, cells)
-        elif any(cells) and not columns:
-            columns = _columns(where, cells)
-        elif any(cells):
-            rows.append(_numbers(where, cells, len(columns)))
-            lines.append(number)
-    if not columns:
+    lines = text.splitlines()
+    if len(lines) > _MAX_LINES:
+        raise InvalidReference(f"{name} has more than {_MAX_LINES:,} lines; thin them out")
+    try:
+        form = table_format(lines)
+    except ValueError as error:
+        raise InvalidReference(f"{name}: {error}") from None
+    if form.first_row > len(lines) and not form.titles:
         raise InvalidReference(f"{name} is empty; a table of waypoints starts with {_PATH_HEADER}")
-    table = np.array(rows, dtype=float).reshape(-1, len(columns))
-    _check_values(name, lines, table)
-    table *= _factors(name, columns, units)
-    return _waypoints(name, lines, dict(zip(columns, table.T, strict=True)))
+    columns, count = _columns(name, form, lines)
+    if columns.unused:
+        _log.warning("%s: columns that are not used: %s", name, ", ".join(columns.unused))
+    numbers, table = _rows(name, form, lines, (columns, count))
+    units = _units(name, lines, count)
+    factors = _factors(name, columns, units, table)
+    table *= factors
+    _check_values(name, numbers, table)
+    return _waypoints(name, numbers, dict(zip(columns.place, table.T, strict=True)), heading)
 
 
 def write_csv(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
@@ -90,88 +103,134 @@ def write_csv(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
     write_text(file, "\n".join([header, *rows, ""]))
 
 
-def _lines(name: str, text: str) -> list[str]:
-    """Return the lines of a table, or raise InvalidReference if there are too many."""
-    lines = text.splitlines()
-    if len(lines) > _MAX_LINES:
-        raise InvalidReference(f"{name} has more than {_MAX_LINES:,} lines; thin them out")
-    return lines
+def _columns(name: str, form: TableFormat, lines: list[str]) -> tuple[Columns, int]:
+    """Return the columns that are read, and the number of all columns."""
+    if form.titles:
+        return table_columns(f"{name}, line {form.title_line}", form.titles), len(form.titles)
+    count = len(form.cells(lines[form.first_row - 1]))
+    titles = UNNAMED.get(count)
+    if titles is None:
+        raise InvalidReference(
+            f"{name}, line {form.first_row}: {count} columns without titles; start the table with "
+            f"a line of titles such as {_PATH_HEADER}"
+        )
+    _log.warning("%s: the columns have no titles and are read as %s", name, ", ".join(titles))
+    return table_columns(name, titles)._replace(unused=()), count
 
 
-def _waypoints(name: str, lines: list[int], column: dict[str, Float[Array, " rows"]]) -> Waypoints:
-    poses = np.column_stack([column[key] for key in _POSE])
-    if "t" not in column:
-        return untimed_waypoints(name, poses)
-    twists = np.column_stack([column[key] for key in _TWIST]) if "vx" in column else None
-    return timed_waypoints(name, lambda i: f"line {lines[i]}", column["t"], poses, twists)
+def _rows(
+    name: str, form: TableFormat, lines: list[str], columns: tuple[Columns, int]
+) -> tuple[list[int], Float[Array, "rows columns"]]:
+    """Return the line of each row, and the used columns in the order of their quantities."""
+    used, count = [*columns[0].place.values()], columns[1]
+    numbers, rows = [], []
+    for number, line in enumerate(lines[form.first_row - 1 :], form.first_row):
+        if line.lstrip().startswith(COMMENT):
+            continue
+        where = f"{name}, line {number}"
+        try:
+            cells = form.cells(line)
+        except ValueError as error:
+            raise InvalidReference(f"{where}: {error}") from None
+        if not any(cells):
+            continue
+        if len(cells) != count:
+            raise InvalidReference(
+                f"{where}: {len(cells)} values, but the table has {count} columns"
+            )
+        row = [form.number(cells[i]) for i in used]
+        if None in row:
+            wrong = cells[used[row.index(None)]]
+            raise InvalidReference(f"{where}: {short_repr(wrong)} is not a number")
+        rows.append(row)
+        numbers.append(number)
+    return numbers, np.array(rows, dtype=float).reshape(-1, len(used))
 
 
-def _column(title: str) -> tuple[str, str] | None:
-    """Return the quantity and unit of a column title ("" for no unit), or None if unknown."""
-    if len(title) > _MAX_TITLE:
-        return None
-    words = re.sub(r"[^a-z0-9]+", "_", title.lower().replace("/", " per ")).strip("_")
-    for quantity in sorted((*_UNITS, *_ALIASES), key=len, reverse=True):
-        known = _ALIASES.get(quantity, quantity)
-        if words == quantity:
-            return known, ""
-        unit = words.removeprefix(f"{quantity}_")
-        if unit != words and unit in _UNITS[known]:
-            return known, unit
-    return None
+def _units(name: str, lines: list[str], count: int) -> list[str]:
+    """Return the units of all columns from the last line ``# units:``; empty without one."""
+    units: list[str] = []
+    for line in lines:
+        words = line.lstrip()
+        text = words.lstrip(COMMENT).strip() if words.startswith(COMMENT) else ""
+        if text.lower().startswith("units:"):
+            text = text[len("units:") :]
+            units = split_cells(text.replace('"', ""), table_separator(text))
+    if units and len(units) != count:
+        raise InvalidReference(f"{name}: {len(units)} units for {count} columns")
+    return units
 
 
-def _columns(where: str, titles: list[str]) -> dict[str, float]:
-    """Return the unit factor of each column by its quantity, 0 where the title has no unit."""
-    columns: dict[str, float] = {}
-    for title in titles:
-        found = _column(title)
-        if found is None:
-            hint = suggestion(title, [*_UNITS, *_ALIASES])
-            raise InvalidReference(f"{where}: unknown column {short_repr(title)}{hint}")
-        quantity, unit = found
-        if quantity in columns:
-            raise InvalidReference(f"{where}: two columns contain {quantity}; remove one")
-        columns[quantity] = _UNITS[quantity].get(unit, 0.0)
-    missing = [key for key in _POSE if key not in columns]
-    velocities = [key for key in _TWIST if key in columns]
-    if velocities and len(velocities) < len(_TWIST):
-        missing += [key for key in _TWIST if key not in columns]
-    if velocities and "t" not in columns:
-        missing.append("t")
-    if missing:
-        raise InvalidReference(f"{where}: there is no column {' and no column '.join(missing)}")
-    return columns
-
-
-def _factors(name: str, columns: dict[str, float], units: list[str]) -> Float[Array, " columns"]:
+def _factors(
+    name: str, columns: Columns, units: list[str], table: Float[Array, "rows columns"]
+) -> Float[Array, " columns"]:
     """Return the factor of each column for SI units."""
-    if units and len(units) != len(columns):
-        raise InvalidReference(f"{name}: {len(units)} units for {len(columns)} columns")
     factors = []
-    for i, (quantity, factor) in enumerate(columns.items()):
-        column = _column(f"{quantity} {units[i]}") if units else None
-        if units and column is None:
-            known = ", ".join(_UNITS[quantity])
+    for j, (quantity, i) in enumerate(columns.place.items()):
+        found = quantity_of(f"{quantity} {units[i]}") if units else None
+        if units and found is None:
+            known = ", ".join(UNITS[quantity])
             raise InvalidReference(
                 f"{name}: unknown unit {short_repr(units[i])} of {quantity}; there are {known}"
             )
-        factors.append(factor or _UNITS[quantity].get(column[1] if column else "", 1.0))
+        factor = columns.factor[quantity] or UNITS[quantity].get(found[1] if found else "", 0.0)
+        if quantity == "t" and not factor:
+            factor = _clock(name, table[:1, j])
+        factors.append(factor or 1.0)
     return np.array(factors)
 
 
-def _numbers(where: str, cells: list[str], count: int) -> list[float]:
-    if len(cells) != count:
+def _clock(name: str, first: Float[Array, " n"]) -> float:
+    """Return the factor of times without a unit from the first: s, or that of an epoch's clock."""
+    for least, unit in _CLOCKS:
+        if (first >= least).any():
+            _log.warning("%s: the times, from %g on, are read in %s", name, first[0], unit)
+            return UNITS["t"][unit]
+    return 1.0
+
+
+def _waypoints(
+    name: str, lines: list[int], column: dict[str, Float[Array, " rows"]], heading: TableHeading
+) -> Waypoints:
+    position = np.column_stack([column[key] for key in POSITION])
+    twists = np.column_stack([column[key] for key in TWIST]) if "vx" in column else None
+    if "yaw" in column:
+        poses = np.column_stack([position, column["yaw"]])
+    elif QUATERNION[0] in column:
+        q = np.column_stack([column[key] for key in QUATERNION])
+        poses = np.column_stack([position, _yaw(name, lines, q)])
+    else:
+        twists = None  # the yaw rate is that of another heading
+        poses = _with_heading(name, position, heading)
+    if "t" not in column:
+        return untimed_waypoints(name, poses)
+    return timed_waypoints(name, lambda i: f"line {lines[i]}", column["t"], poses, twists)
+
+
+def _with_heading(
+    name: str, position: Float[Array, "rows 2"], heading: TableHeading
+) -> Float[Array, "rows 3"]:
+    """Return poses at the positions with the heading of a table that has none."""
+    tangent = heading == "tangent" and len(position) > 1
+    which = "the direction of travel" if heading == "tangent" else "0 rad"
+    _log.warning("%s: no column yaw; the heading is %s (--heading tangent or fixed)", name, which)
+    if tangent:
+        return with_headings(position, None, None, 0.0)
+    return np.column_stack([position, np.zeros(len(position))])
+
+
+def _yaw(name: str, lines: list[int], q: Float[Array, "rows 4"]) -> Float[Array, " rows"]:
+    """Return the yaw of quaternions (x, y, z, w), rad: Diebel 2006, eq. 290."""
+    norm = np.linalg.norm(q, axis=1)
+    wrong = np.flatnonzero(np.abs(norm - 1.0) > _NORM_TOLERANCE)
+    if len(wrong):
+        i = wrong[0]
         raise InvalidReference(
-            f"{where}: {len(cells)} values, but the first line has {count} columns"
+            f"{name}, line {lines[i]}: a quaternion of norm {norm[i]:.6g}, need 1"
         )
-    numbers: list[float] = []
-    for cell in cells:
-        number = parse_number(cell)
-        if number is None:
-            raise InvalidReference(f"{where}: {short_repr(cell)} is not a number")
-        numbers.append(number)
-    return numbers
+    x, y, z, w = q.T
+    yaw: Float[Array, " rows"] = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return yaw
 
 
 def _check_values(name: str, lines: list[int], table: Float[Array, "rows columns"]) -> None:

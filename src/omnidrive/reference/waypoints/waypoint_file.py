@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omnidrive.choices import TableHeading
 from omnidrive.errors import InvalidReference, kind_of, one_line, short_repr
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.planning import Path
@@ -39,18 +40,24 @@ _FORMATS = {
 }
 
 
-def load_waypoints(path: StrPath) -> Path | SampledReference:
+def load_waypoints(path: StrPath, *, heading: TableHeading = "tangent") -> Path | SampledReference:
     """Read waypoints from a CSV, PathPlanner, Choreo or ROS `nav_msgs/Path` file.
 
     The file name extension determines the format: `.csv`, `.path`, `.traj`, `.yaml` or `.yml`. A
     file with times gives a reference that starts at 0, a file without times gives a path. Limits:
     10 MB, 100,000 waypoints, numbers up to 1e10.
 
+    Args:
+        path: File name.
+        heading: Heading of a CSV table that has none: ``tangent``, the direction of travel, or
+            ``fixed``, 0 rad.
+
     Raises:
         InvalidReference: The file is missing, malformed, too large or inconsistent.
     """
     file = to_path(path)
-    return _format(file).read(file)
+    kind = _format(file)
+    return read_csv(file, heading) if kind.read is read_csv else kind.read(file)
 
 
 def save_waypoints(

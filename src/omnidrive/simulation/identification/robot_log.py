@@ -15,6 +15,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, one_line, suggestion
 from omnidrive.files.bounded_file import read_bounded
+from omnidrive.files.number_table import table_format
 from omnidrive.files.str_path import StrPath, to_path
 
 _COMMAND = ("command_vx", "command_vy", "command_yaw_rate")
@@ -23,6 +24,7 @@ _WHEEL = re.compile(r"wheel_speed_(\d{1,2})")
 _MAX_BYTES = 200_000_000
 _MAX_ROWS = 1_000_000
 _MAX_COLUMNS = 1000
+_MAX_HEAD = 100_000  # bytes, in which the titles and the first row are
 _MAX_VALUE = 1e10
 _MAX_DURATION = 3600.0  # s
 
@@ -109,14 +111,28 @@ def read_log(path: StrPath) -> RobotLog:
 
 
 def _csv(content: bytes) -> dict[str, Array]:
-    titles = content.partition(b"\n")[0].decode("utf-8-sig")[:100_000].strip().split(",")
-    used = _used_columns([title.strip().strip('"') for title in titles])
-    if content.count(b"\n") > _MAX_ROWS + 1:
+    head = content[:_MAX_HEAD].decode("utf-8-sig", errors="replace").splitlines()
+    try:
+        form = table_format(head)
+    except ValueError as error:
+        raise InvalidInput(f"the titles are not readable: {error}") from None
+    used = _used_columns([*form.titles])
+    for name in used:
+        if form.titles.count(name) > 1:
+            raise InvalidInput(f"there are two columns '{name}'; remove one")
+    if content.count(b"\n") > _MAX_ROWS + form.first_row:
         raise InvalidInput(f"there are more than {_MAX_ROWS:,} samples")
+    if form.separator == " ":
+        content = re.sub(rb"[ \t]+(?=\r?$)|^[ \t]+", b"", content, flags=re.MULTILINE)
+        content = re.sub(rb"[ \t]+", b" ", content)
     table = pa.csv.read_csv(
         BytesIO(content),
+        read_options=pa.csv.ReadOptions(skip_rows=form.first_row - 1, column_names=form.titles),
+        parse_options=pa.csv.ParseOptions(delimiter=form.separator),
         convert_options=pa.csv.ConvertOptions(
-            include_columns=used, column_types=dict.fromkeys(used, pa.float64())
+            decimal_point=form.decimal,
+            include_columns=used,
+            column_types=dict.fromkeys(used, pa.float64()),
         ),
     )
     return _arrays(table)
