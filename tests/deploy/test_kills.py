@@ -91,7 +91,7 @@ def held(result):
     return next(each for each in result.changes if each.state is DriveState.HOLDING)
 
 
-def test_a_killed_board_is_held_and_its_successor_is_refused():
+def test_a_killed_board_is_held_and_goes_on_with_its_successor_when_armed():
     with board_process("udp") as (first, address), board_process("udp") as (_, _other):
         made = []
 
@@ -102,6 +102,7 @@ def test_a_killed_board_is_held_and_its_successor_is_refused():
         events = [
             (2.0, lambda _: first.kill()),
             (4.0, replace),
+            (7.0, lambda controls: controls.arm()),
             (15.0, lambda controls: controls.stop("end of the test")),
         ]
         try:
@@ -111,7 +112,9 @@ def test_a_killed_board_is_held_and_its_successor_is_refused():
     print(f"udp board: {held(result).t:.2f} s: {held(result).reason}")
     assert held(result).reason.startswith("no readings for 0.5")
     assert 2.4 < held(result).t < 2.5 + DELAY
-    assert "the reports of the motor board begin anew" in result.ending
+    again = [change.t for change in result.changes if change.state is DriveState.RUNNING]
+    assert len(again) == 2
+    assert again[1] > 6.9
 
 
 def test_a_killed_board_on_a_serial_line_ends_the_drive():

@@ -270,10 +270,23 @@ def test_hostile_host_is_survived_and_counted():
         link.close()
 
 
+@pytest.mark.parametrize("further", [20 * [b"x"], 6 * [900_000 * b"x"]])
+def test_message_of_too_many_parts_or_bytes_is_refused(further):
+    """Its parts are discarded one by one."""
+    with LeKiwiHost(rate=100.0) as host:
+        link = opened(host)
+        begin = link.damaged
+        host.change = lambda usual: [usual[0], *further]
+        until(lambda: link.read() is None and link.damaged > begin, 20.0)
+        host.change = lambda usual: usual
+        until(lambda: link.read() is not None, 20.0)
+        link.close()
+
+
 def test_part_that_is_too_large_ends_the_connection():
     with LeKiwiHost(rate=100.0) as host:
         link = opened(host)
-        host.change = lambda _usual: [5_000_000 * b" "]
+        host.change = lambda _usual: [1_100_000 * b" "]
         time.sleep(0.1)
         link.read()
         host.change = lambda usual: usual

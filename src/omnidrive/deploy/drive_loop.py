@@ -33,6 +33,8 @@ from omnidrive.simulation.run_log import RunLog
 MAX_AGE = 0.5
 """Age of the estimate, of the readings and of the last command from which the robot is held, s, as
 ``cmd_vel_timeout`` of ros2_controllers."""
+MAX_WAIT = 60.0
+"""Time without driving after which a drive on a simulated clock ends, s: nobody waits beside it."""
 _TIMED_SAMPLES = 1_000_000
 _ALIGN_TIME = 2.0  # s; longest wait for the first readings
 _POLL = 0.0002  # s
@@ -194,6 +196,19 @@ class DriveLoop:
         if self.machine.state is DriveState.RUNNING:
             self._control(number, now)
         elif self.machine.state is not DriveState.STOPPED:
+            self._wait(number)
+
+    def _wait(self, number: int) -> None:
+        """Send the ramp to zero speed, or zero; on a simulated clock, for :data:`MAX_WAIT` only."""
+        since, reason = 0.0, "it was not armed"
+        if self.machine.changes:
+            since, _, reason = self.machine.changes[-1]
+        if isinstance(self.clock, SimulatedClock) and number * self.dt - since > MAX_WAIT:
+            self._stop(
+                number,
+                f"{self.machine.state.value} for {MAX_WAIT:g} s of simulated time: {reason}",
+            )
+        else:
             self._send(self.gate.ramp(self.dt))
 
     def _try_to_start(self, number: int, now: float) -> None:

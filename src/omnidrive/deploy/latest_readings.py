@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from math import nan
+from math import inf, nan
 
 from omnidrive.estimation import PoseFix, SensorReadings
 
@@ -54,11 +54,16 @@ class LatestReadings:
     def take(self, readings: SensorReadings | None, now: float, read_at: float) -> None:
         """Replace the readings by those that arrived; None: nothing arrived.
 
+        Readings whose stamp is not finite, or more than :data:`MAX_AHEAD` in the future, count as
+        not arrived.
+
         Args:
             readings: Readings, with stamps on the clock.
             now: Deadline of the sample on the clock, s.
             read_at: Time at which they were read, s: later than ``now`` if the sample is late.
         """
+        if readings is not None and not -inf < readings.stamp <= max(now, read_at) + MAX_AHEAD:
+            readings = None
         fixes = self._later + (readings.fixes if readings else ())
         self._later = tuple(fix for fix in fixes if now + _LATE < fix.stamp <= read_at)
         if readings is None:

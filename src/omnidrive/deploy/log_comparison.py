@@ -30,12 +30,13 @@ def comparison_tables(logs: Sequence[LoggedDrive], names: Sequence[str]) -> list
         InvalidLog: The controller did not drive the robot, or a file is damaged.
         InvalidInput: The commands cannot be compared.
     """
-    return [
-        _tracking(logs, names),
-        _punctuality(logs, names),
-        _states(logs, names),
-        _commands(logs, names),
-    ]
+    with np.errstate(over="ignore", invalid="ignore"):  # commands that are not finite are logged
+        return [
+            _tracking(logs, names),
+            _punctuality(logs, names),
+            _states(logs, names),
+            _commands(logs, names),
+        ]
 
 
 def replay_table(replay: LogReplay, name: str) -> Table:

@@ -36,7 +36,9 @@ _FASTEST = 2**15 * 2.0 * pi / 4096  # rad/s; a servo reports 16 bits with a sign
 _VELOCITIES = ("x.vel", "y.vel", "theta.vel")
 _ARM_SUFFIX = ".pos"
 _MAX_JOINTS, _MAX_KEY, _LARGEST = 32, 64, 1e5
-_MAX_FRAME = 4_000_000  # bytes of one part of a message; an image has about 100,000
+_MAX_FRAME = 1_000_000  # bytes of one part of a message; an image has about 100,000
+_MAX_PARTS = 16  # of a message: the observation, and an image of each camera
+_MAX_BYTES = 4_000_000  # of a message
 _MAX_WAITING = 32  # observations that wait until they are read
 _CONNECT_TIME = 5.0  # s, as LeRobot's client
 _PING_PERIOD, _PING_TIMEOUT = 100, 500  # ms
@@ -241,17 +243,34 @@ class LeKiwiLink:
         zmq, newest = self._zmq, None
         for _ in range(_MAX_WAITING):
             try:
-                newest = self._observations.recv_multipart(zmq.NOBLOCK, copy=False)[0]
+                newest = self._message()
             except zmq.Again:
                 break
             except zmq.ZMQError as error:
                 raise LinkLost(f"{self.host}: {error.strerror}") from None
         if newest is None:
             return None
-        found = parse_observation(newest.bytes)
+        found = parse_observation(newest)
         self._is_damaged = found is None or not (self._arm or found.arm)
         self.damaged += self._is_damaged
         return None if self._is_damaged else found
+
+    def _message(self) -> bytes:
+        """Return the first part of the next message; empty if the message is too large.
+
+        Each further part is discarded before the next one is read.
+
+        Raises:
+            zmq.Again: None has arrived.
+        """
+        zmq, socket = self._zmq, self._observations
+        frame = socket.recv(zmq.NOBLOCK, copy=False)
+        first: bytes = frame.bytes
+        parts, size = 1, len(first)
+        while frame.more:
+            frame = socket.recv(zmq.NOBLOCK, copy=False)
+            parts, size = parts + 1, size + len(frame)
+        return first if parts <= _MAX_PARTS and size <= _MAX_BYTES else b""
 
     def send(self, value: CommandValue) -> None:
         """Send a twist of the host; without a connection it is dropped.

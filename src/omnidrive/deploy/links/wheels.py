@@ -6,28 +6,24 @@ import errno
 import os
 import select
 import socket
-from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
-from math import pi
 from typing import Any, Protocol, runtime_checkable
 
 from omnidrive.control import CommandValue, WheelSpeeds, WheelTorques
 from omnidrive.control.controller import STOP
 from omnidrive.deploy.clock import Clock, MonotonicClock
+from omnidrive.deploy.links.wheel_counts import WheelCounts
 from omnidrive.deploy.links.wheel_protocol import (
     MAX_LINE,
     VERSION,
     Hello,
     Report,
     command_line,
-    count_difference,
     hello_request,
     parse,
-    sequence_difference,
-    stamp_difference,
 )
 from omnidrive.deploy.links.writable import is_writable
 from omnidrive.deploy.robot_link import LinkCapabilities, LinkLost
@@ -38,8 +34,8 @@ from omnidrive.robot import Robot
 
 _HELLO_TIME = 3.0  # s for the answer of the board
 _HELLO_PERIOD = 0.2  # s between requests
-_OFFSET_REPORTS = 200  # reports from which the offset of the board's clock is estimated
-_RESTART_REPORTS = 50  # reports in a row that are older than the last one
+_MOST_DATAGRAMS = 1000
+_MOST_BYTES = 1 << 16  # bytes of one call of ``receive``: 1000 reports
 _BAUD = 115_200
 _UNPLUGGED = {
     errno.EAGAIN, errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETDOWN, errno.ENETUNREACH,
@@ -89,30 +85,21 @@ class WheelsLink:
         robot: The robot; its wheels have the order of the board.
         address: ``udp://HOST:PORT``, or a serial port such as ``/dev/ttyACM0`` or
             ``/dev/ttyUSB0@57600`` (bits per second; default 115200).
-        lost: Number of reports that did not arrive.
         damaged: Number of lines with a wrong checksum or content.
     """
 
     robot: Robot
     address: str
-    lost: int = field(default=0, init=False)
     damaged: int = field(default=0, init=False)
     _clock: Clock = field(default_factory=MonotonicClock, init=False)
     _port: _Port | None = field(default=None, init=False)
     _lines: _Lines = field(default_factory=_Lines, init=False)
     _hello: Hello | None = field(default=None, init=False)
+    _counts: WheelCounts | None = field(default=None, init=False)
+    """Angles of the wheels; None before the board greets."""
     _sequence: int = field(default=0, init=False)
-    _last: Report | None = field(default=None, init=False)
-    _turned: list[int] = field(default_factory=list, init=False)
-    """Counts of each wheel since the first report."""
-    _older: int = field(default=0, init=False)
-    """Number of reports in a row that are not newer than the last one."""
-    _board_time: float = field(default=0.0, init=False)
-    """Time of the last report since the first by the board's clock, s."""
-    _offsets: deque[float] = field(
-        default_factory=lambda: deque(maxlen=_OFFSET_REPORTS), init=False
-    )
-    """Arrival on our clock minus time on the board's, s; the smallest has the least delay."""
+    _ask: float = field(default=0.0, init=False)
+    """Time of the next request for a greeting, s."""
 
     def __post_init__(self) -> None:
         _opener(self.address)
@@ -122,6 +109,16 @@ class WheelsLink:
         """What the board said."""
         watchdog = self._hello.watchdog if self._hello else None
         return LinkCapabilities(watchdog, measures_pose=False, wheel_speeds=True)
+
+    @property
+    def lost(self) -> int:
+        """Number of reports that did not arrive."""
+        return self._counts.lost if self._counts else 0
+
+    @property
+    def fault(self) -> str:
+        """Why no usable readings arrive; empty: not known."""
+        return self._counts.fault if self._counts else ""
 
     def open(self, clock: Clock) -> None:
         """Connect and ask the board what it is.
@@ -137,20 +134,19 @@ class WheelsLink:
             self._greet(clock)
         except BaseException:
             self._port.close()
-            self._port = None
+            self._port = self._counts = None
             raise
         self.stop()
 
     def _greet(self, clock: Clock) -> None:
         """Ask the board what it is, and compare it with the robot."""
-        give_up, ask = clock.now() + _HELLO_TIME, 0.0
+        self._ask = clock.now()
+        give_up = self._ask + _HELLO_TIME
         while self._hello is None:
             now = clock.now()
             if now >= give_up:
                 raise LinkLost(f"no motor board answers at {self.address} within {_HELLO_TIME:g} s")
-            if now >= ask:
-                self._send(hello_request())
-                ask = now + _HELLO_PERIOD
+            self._ask_for_greeting()
             self._receive()
             clock.sleep_until(now + 0.005)
         if self._hello.version != VERSION:
@@ -160,14 +156,25 @@ class WheelsLink:
                 f"the board has {self._hello.wheels} wheels, the robot {len(self.robot.mounts)}"
             )
 
+    def _ask_for_greeting(self) -> None:
+        """Ask the board what it is, unless that was a short time ago."""
+        now = self._clock.now()
+        if now >= self._ask:
+            self._send(hello_request())
+            self._ask = now + _HELLO_PERIOD
+
     def read(self) -> SensorReadings | None:
-        """Return the wheel angles of the newest report since the last call."""
-        if not self._receive():
+        """Return the wheel angles of the newest report since the last call.
+
+        None: nothing new arrived, or it is not usable, see :attr:`fault`.
+        """
+        found, counts = self._receive(), self._counts
+        if counts is None:
             return None
-        assert self._hello is not None
-        radians = 2.0 * pi / self._hello.counts
-        angles = tuple(radians * count for count in self._turned)
-        return SensorReadings(self._board_time + min(self._offsets), angles)
+        if counts.needs_greeting:
+            self._ask_for_greeting()
+        usable = found and not counts.withheld
+        return SensorReadings(counts.stamp, counts.angles) if usable else None
 
     def send(self, value: CommandValue) -> None:
         """Send wheel speeds.
@@ -182,6 +189,8 @@ class WheelsLink:
             speeds = tuple(value)
         else:
             speeds = tuple(self.robot.chassis.wheel_speeds(BodyTwist(*value)).tolist())
+        if self._counts is not None:
+            self._counts.command(speeds, self._clock.now())
         self._sequence += 1
         self._send(command_line(self._sequence, speeds))
 
@@ -213,49 +222,19 @@ class WheelsLink:
             data = self._port.receive()
         except OSError as error:
             raise LinkLost(f"{self.address}: {error.strerror or error}") from None
-        found = False
+        found, now = False, self._clock.now()
         for line in self._lines.split(data):
             said = parse(line)
-            if isinstance(said, Hello):
+            if isinstance(said, Hello) and self._counts is None:
                 self._hello = said
-            elif isinstance(said, Report) and self._hello is not None:
-                found |= self._take(said)
+                self._counts = WheelCounts(said, self.robot.max_wheel_speed)
+            elif isinstance(said, Hello) and self._counts is not None:
+                self._counts.greet(said, now)
+            elif isinstance(said, Report) and self._counts is not None:
+                found |= self._counts.take(said, now)
             elif said is None and line.strip():
                 self.damaged += 1
         return found
-
-    def _take(self, report: Report) -> bool:
-        """Add a report; return whether it is newer than the last one.
-
-        Raises:
-            LinkLost: The reports begin anew, so that the wheels' positions are not known.
-        """
-        assert self._hello is not None
-        if len(report.counts) != self._hello.wheels:
-            self.damaged += 1
-            return False
-        last = self._last
-        if last is None:
-            self._turned = [0] * len(report.counts)
-        else:
-            ahead = sequence_difference(report.sequence, last.sequence)
-            later = stamp_difference(report.stamp, last.stamp)
-            if ahead <= 0 or later <= 0.0:  # repeated or overtaken
-                self._older += 1
-                if self._older >= _RESTART_REPORTS:
-                    raise LinkLost(
-                        "the reports of the motor board begin anew: it restarted, or another one "
-                        "answers"
-                    )
-                return False
-            self._older = 0
-            self.lost += ahead - 1
-            self._board_time += later
-            for i, (now, before) in enumerate(zip(report.counts, last.counts, strict=True)):
-                self._turned[i] += count_difference(now, before)
-        self._last = report
-        self._offsets.append(self._clock.now() - self._board_time)
-        return True
 
 
 def _opener(address: str) -> Callable[[], _Port]:
@@ -296,13 +275,13 @@ class _UdpPort:
 
     def receive(self) -> bytes:
         """Return the datagrams that have arrived."""
-        parts = []
-        for _ in range(1000):
-            if not select.select([self._socket], [], [], 0.0)[0]:
+        data = bytearray()
+        for _ in range(_MOST_DATAGRAMS):
+            if len(data) >= _MOST_BYTES or not select.select([self._socket], [], [], 0.0)[0]:
                 break
             with _passing():
-                parts.append(self._socket.recv(4096))
-        return b"".join(parts)
+                data += self._socket.recv(4096)
+        return bytes(data)
 
     def send(self, data: bytes) -> None:
         """Send one datagram; it is lost if no socket is open there or the network is down."""
@@ -348,7 +327,7 @@ class _SerialPort:
 
     def receive(self) -> bytes:
         """Return what has arrived."""
-        data: bytes = self._serial.read(1 << 16)
+        data: bytes = self._serial.read(_MOST_BYTES)
         return data
 
     def send(self, data: bytes) -> None:

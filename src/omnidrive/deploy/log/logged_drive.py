@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,10 +31,13 @@ from omnidrive.simulation import Outcome, PlantState, Run
 from omnidrive.simulation.guard import RunEnded
 from omnidrive.simulation.run_log import RunLog
 
-_MOST_ATTACHED = 1 << 27  # bytes
-_MOST_EVENTS = 1_000_000
+_MOST_BYTES = 1 << 27  # of attached files and of events
+_MOST_FILES, _MOST_EVENTS = 100, 1_000_000
+MOST_SAMPLES = 2_000_000
+"""Largest number of samples that are kept in memory at once: 33 minutes at 1 kHz."""
 _TIMED_SAMPLES = 10_000_000
 _CUT = "the log ends before the drive"
+_LARGEST = 1e10  # m and rad
 _DIGITS = 4  # of the number of a file in a rotated log
 
 
@@ -116,14 +120,28 @@ class LoggedDrive:
         """Yield all samples in order.
 
         Raises:
-            InvalidLog: A file is damaged, or was replaced.
+            InvalidLog: A file is damaged, or was replaced, or samples are not in order.
         """
         text: SampleText | None = None
+        last = -1
         for item in _items(self.paths):
             if isinstance(item, SampleText):
                 text = item
             elif isinstance(item, LoggedSample):
+                if item.number <= last:
+                    raise InvalidLog(
+                        f"{self._name}: sample {item.number} is not after sample {last}"
+                    )
+                last = item.number
                 yield item if text is None else _with_text(item, text)
+
+    def check_length(self) -> None:
+        """Raise InvalidLog if there are more than :data:`MOST_SAMPLES`."""
+        if self.sample_count > MOST_SAMPLES:
+            raise InvalidLog(
+                f"{self._name} has {self.sample_count:,} samples, at most {MOST_SAMPLES:,}: split "
+                "the drive, or lower its rate (--rate)"
+            )
 
     def timing(self) -> LoopTiming:
         """Return the punctuality of the loop."""
@@ -147,11 +165,13 @@ class LoggedDrive:
         pipeline = Pipeline(FeedforwardController(self.dt))
         pipeline.detail_units = self.detail_units
         log = RunLog(pipeline)
-        segments = list(self.segments)
-        begin, failed = 0.0, False
+        self.check_length()
+        segments = deque(self.segments)
+        begin, failed, last = 0.0, False, -inf
+        wheels = len(self.robot.mounts)
         for sample in self.samples():
             while segments and segments[0].number <= sample.number:
-                begin = segments.pop(0).begin
+                begin = segments.popleft().begin
             step = sample.step
             if step is None:
                 continue
@@ -159,8 +179,24 @@ class LoggedDrive:
             details = step.command.details
             if details and len(details) != len(self.detail_units):
                 raise InvalidLog(f"{self._name}: sample {sample.number} has {len(details)} details")
+            value, t = step.command.value, begin + sample.t
+            if not isinstance(value, BodyTwist) and len(value) != wheels:
+                raise InvalidLog(
+                    f"{self._name}: the command of sample {sample.number} is not for the {wheels} "
+                    "wheels of the robot"
+                )
+            if not last < t < inf:
+                raise InvalidLog(
+                    f"{self._name}: the time of sample {sample.number} is not after that of the "
+                    "sample before"
+                )
+            if any(abs(each) > _LARGEST for each in (*step.state.pose, *step.target)):
+                raise InvalidLog(
+                    f"{self._name}: a pose of sample {sample.number} exceeds {_LARGEST:g} m or rad"
+                )
+            last = t
             twist = step.state.twist or BodyTwist(nan, nan, nan)
-            log.add(begin + sample.t, PlantState(step.state.pose, twist, nan), step)
+            log.add(t, PlantState(step.state.pose, twist, nan), step)
         if not log.rows:
             raise InvalidLog(f"{self._name}: the controller did not drive the robot")
         ending = self.changes[-1].reason if self.complete and self.changes else _CUT
@@ -225,7 +261,7 @@ def _read_part(path: Path) -> _Part:
     end: dict[str, str] | None = None
     files: dict[str, bytes] = {}
     events: list[LoggedEvent] = []
-    samples = 0
+    samples = held = 0  # samples, and bytes of files and events
     topics: dict[int, str] = {}
     for record in read_records(path):
         kind = type(record).__name__
@@ -234,6 +270,7 @@ def _read_part(path: Path) -> _Part:
             samples += topic == SAMPLES
             if topic == EVENTS and (event := decode_event(record.data)) is not None:
                 events.append(event)
+                held += len(record.data)
         elif kind == "Channel":
             topics[record.id] = _checked_topic(record)
         elif kind == "Metadata" and record.name == DESCRIPTION:
@@ -242,8 +279,12 @@ def _read_part(path: Path) -> _Part:
             end = record.metadata
         elif kind == "Attachment":
             files[record.name] = record.data
-        if sum(map(len, files.values())) > _MOST_ATTACHED or len(events) > _MOST_EVENTS:
-            raise InvalidLog(f"{one_line(str(path))} has too many files or events")
+            held += len(record.data)
+        if held > _MOST_BYTES or len(files) > _MOST_FILES or len(events) > _MOST_EVENTS:
+            raise InvalidLog(
+                f"{one_line(str(path))} has more than {_MOST_FILES} files, {_MOST_EVENTS:,} events "
+                f"or {_MOST_BYTES >> 20} MiB of them"
+            )
     if metadata is None or metadata.get("format") != FORMAT:
         raise InvalidLog(
             f"{one_line(str(path))} is not the log of a drive: it has no metadata {DESCRIPTION} of "

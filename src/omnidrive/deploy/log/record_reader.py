@@ -15,6 +15,10 @@ from omnidrive.files.bounded_file import open_file
 
 MAX_RECORD = 1 << 26
 """Largest record and largest chunk, also decompressed, bytes: 64 MiB."""
+MAX_EXPANSION = 200
+"""Largest ratio of the content of a chunk to its compressed size, beyond 64 kB; so that the number
+of records, and the time to read them, is proportional to the size of the file."""
+_SMALL_CHUNK = 1 << 16  # bytes
 _MAGIC = b"\x89MCAP0\r\n"
 _HEAD = Struct("<BQ")
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 1, 2, 3, 4, 5, 6
@@ -47,7 +51,8 @@ def read_records(path: Path) -> Iterator[Any]:
     """Yield the records of an MCAP file up to its summary: those of the package mcap, and messages.
 
     A file that ends early, as after ``kill -9``, is read up to its last complete chunk; the last
-    item is a ``DataEnd`` only if it has its end. Memory is bounded by :data:`MAX_RECORD`.
+    item is a ``DataEnd`` only if it has its end. Memory is bounded by :data:`MAX_RECORD`, time by
+    the size of the file times :data:`MAX_EXPANSION`.
 
     Args:
         path: The file.
@@ -110,6 +115,8 @@ def _in_chunk(records: Any, chunk: Any, at: int) -> Iterator[Any]:
         if position + _HEAD.size > len(data):
             raise InvalidLog(f"the chunk at byte {at} ends within a record")
         kind, length = _HEAD.unpack_from(data, position)
+        if kind == 0:
+            raise InvalidLog(f"the chunk at byte {at} has a record of the invalid kind 0")
         begin = position + _HEAD.size
         position = begin + length
         if position > len(data):
@@ -128,6 +135,11 @@ def _decompressed(chunk: Any, at: int) -> bytes:
     size = chunk.uncompressed_size
     if size > MAX_RECORD:
         raise InvalidLog(f"the chunk at byte {at} holds {size} bytes, at most {MAX_RECORD}")
+    if size > max(MAX_EXPANSION * len(chunk.data), _SMALL_CHUNK):
+        raise InvalidLog(
+            f"the chunk at byte {at} expands from {len(chunk.data)} to {size} bytes, at most "
+            f"{MAX_EXPANSION} times"
+        )
     if chunk.compression not in {"", "zstd", "lz4"}:
         kind = one_line(chunk.compression, 20)
         raise InvalidLog(f"the chunk at byte {at} is compressed by {kind}, which is not known")

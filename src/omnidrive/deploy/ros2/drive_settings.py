@@ -27,6 +27,7 @@ from omnidrive.robot import Robot, named_robot
 from omnidrive.study.scenario_file import listed, problems_of
 
 _EVERY_NODE = "/**"
+_SHOWN = 5  # names of nodes in a message
 _SPEEDS = Bounds(0.001, 100.0, "m/s")
 NODE_NAME = "omnidrive_drive"
 """Name of the node that drives."""
@@ -187,11 +188,10 @@ def read_parameters(path: StrPath, node: str = NODE_NAME) -> dict[str, Any]:
                 section.get("ros__parameters"), dict
             ):
                 raise InvalidInput(f"{name}: {key} has no mapping ros__parameters")
-            found |= section["ros__parameters"]
+            found |= _named(section["ros__parameters"], name)
     if not found:
-        raise InvalidInput(
-            f"{name} has no parameters of {node}; there are {', '.join(map(str, data))}"
-        )
+        others = ", ".join(short_repr(key) for key in list(data)[:_SHOWN]) or "none"
+        raise InvalidInput(f"{name} has no parameters of {node}; its nodes are {others}")
     controller = found.get("controller")
     if isinstance(controller, dict):
         found["controller"] = _specification(controller, name)
@@ -199,6 +199,16 @@ def read_parameters(path: StrPath, node: str = NODE_NAME) -> dict[str, Any]:
     if isinstance(place, list) and len(place) in {2, 3}:
         found["initial_pose"] = ",".join(map(str, place))
     return found
+
+
+def _named(section: Mapping[Any, Any], name: str) -> dict[str, Any]:
+    """Return the parameters of a section; raise InvalidInput if a name is no text."""
+    for key in section:
+        if not isinstance(key, str):
+            raise InvalidInput(
+                f"{name}: the name of a parameter must be text, got {short_repr(key)}"
+            )
+    return dict(section)
 
 
 def _pose(text: str | None) -> Pose | None:
