@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +17,7 @@ from omnidrive.reference import (
     LimitRows,
     Reference,
     SampledReference,
+    SplicedReference,
     delay_within_limits,
     needed_limits,
 )
@@ -53,10 +55,9 @@ class ReferenceGovernor:
 
     chassis: Chassis
     acceleration_faces: Float[Array, "faces 3"] | None
-    _reference: Reference | None = field(default=None, init=False, repr=False)
-    """The latest reference, so that each is governed once."""
-    _governed: Reference | None = field(default=None, init=False, repr=False)
-    _retiming: Retiming | None = field(default=None, init=False, repr=False)
+    _latest: tuple[_Governed, ...] = field(default=(), init=False, repr=False)
+    """The latest two references, so that each is governed once: the one that is tracked, and one
+    that another thread governs before it follows."""
 
     def prepare(self) -> None:
         """Compile the kernels."""
@@ -64,32 +65,41 @@ class ReferenceGovernor:
         DelayedReference(_STILL, 0.1, np.zeros((2, 6)), np.ones(2)).window(0.0, 2, 0.1)
 
     def reset(self) -> None:
-        """Forget the latest reference, unless its class is of this package: they do not change."""
-        if not isinstance(self._reference, (WindowReference, Hold)):
-            self._reference = self._governed = self._retiming = None
+        """Forget references, unless their class is of this package: they do not change."""
+        fixed = (WindowReference, Hold)
+        self._latest = tuple(each for each in self._latest if isinstance(each.reference, fixed))
 
     def govern(self, reference: Reference) -> Reference:
         """Return the reference to track, computed when ``reference`` is first seen."""
-        if reference is not self._reference or self._governed is None:
-            self._reference, self._governed = reference, self._computed(reference)
-            self._retiming = None
-        return self._governed
+        return self._find(reference).governed
 
-    def delay(self, t: float) -> float:
-        """Return the delay of the latest governed reference at the time ``t`` (s), in s."""
-        governed = self._governed
+    def delay(self, reference: Reference, t: float) -> float:
+        """Return the delay of the governed reference at the time ``t`` (s), in s."""
+        governed = self.govern(reference)
+        if isinstance(governed, SplicedReference):
+            t -= governed.switch_time
+            governed = governed.after
         return governed.delay(t) if isinstance(governed, DelayedReference) else 0.0
 
     def retime(self, reference: Reference) -> Retiming:
         """Return the governed reference, and what the original one needs if it is another."""
-        governed = self.govern(reference)
-        if self._retiming is None:
-            self._retiming = Retiming(governed, self._needs(reference))
-        return self._retiming
+        found = self._find(reference)
+        return Retiming(found.governed, found.needs)
 
-    def _needs(self, reference: Reference) -> str:
+    def _find(self, reference: Reference) -> _Governed:
+        """Return the governed reference of ``reference``."""
+        for each in self._latest:
+            if each.reference is reference:
+                return each
+        governed = self._computed(reference)
+        found = _Governed(reference, governed, self._needs(reference, governed))
+        self._latest = (found, *self._latest[:1])
+        return found
+
+    def _needs(self, reference: Reference, governed: Reference) -> str:
         """Return what the original reference needs if the governed one is another."""
-        governed = self._governed
+        if isinstance(reference, SplicedReference) and isinstance(governed, SplicedReference):
+            reference, governed = reference.after, governed.after
         if not isinstance(governed, DelayedReference):
             return ""
         used = needed_limits(reference, self._limits(1.0, 1.0))
@@ -112,14 +122,26 @@ class ReferenceGovernor:
         faces = self.acceleration_faces / force_share
         return speed, LimitRows("wheel force", "acceleration", faces)
 
-    def _computed(self, reference: Reference) -> Reference:
-        """Return the reference to track."""
+    def _computed(self, reference: Reference, *, rest: bool = True) -> Reference:
+        """Return the reference to track; ``rest``: whether the robot is at rest at its start."""
         if isinstance(reference, Hold):
             return reference
+        if isinstance(reference, SplicedReference):  # its first part is governed already
+            after = self._computed(reference.after, rest=False)
+            return reference if after is reference.after else replace(reference, after=after)
         limits = self._limits(SPEED_SHARE, FORCE_SHARE)
         try:
             if delay_within_limits(reference, limits, rest=False).max_delay <= TOLERATED_DELAY:
                 return reference
-            return delay_within_limits(reference, limits)
+            return delay_within_limits(reference, limits, rest=rest)
         except PART_ERRORS:  # of the reference: the step reports it if it happens there as well
             return reference
+
+
+class _Governed(NamedTuple):
+    """A reference and what is tracked instead."""
+
+    reference: Reference
+    governed: Reference
+    needs: str
+    """What the reference needs, if it is delayed."""

@@ -5,9 +5,34 @@ from __future__ import annotations
 import select
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from types import FrameType
+from typing import NamedTuple
+
+from omnidrive.reference import Reference, SplicedReference
+
+
+class Tracked(NamedTuple):
+    """Motion that a drive tracks at present."""
+
+    reference: Reference
+    """The motion since the present segment began."""
+    governed: Reference
+    """The motion that the controller tracks instead."""
+    t: float
+    """Time since the segment began, s."""
+
+
+class Continuation(NamedTuple):
+    """Request to track another motion from a given time on, without a stop."""
+
+    tracked: Reference
+    """The motion that is tracked until then; if it is another one, nothing changes."""
+    spliced: SplicedReference
+    """That motion, and the other one from then on."""
+    files: Mapping[str, bytes] = {}
+    """File of the other motion by its name, for the log."""
 
 
 class DriveControls:
@@ -19,6 +44,10 @@ class DriveControls:
         stop_reason: Reason of the request to stop; None: there is none.
         hold_reason: Reason of the request to hold; None: there is none.
         arm_requested: Whether the robot is to be armed.
+        starts: Whether the controller has not driven yet.
+        tracked: What the drive tracks; set by the loop. None: the controller does not drive.
+        continuation: Other motion to track. The loop removes it in the next sample, whether it
+            tracks it or not.
     """
 
     def __init__(self, *, arm: bool = False) -> None:
@@ -30,6 +59,9 @@ class DriveControls:
         self.stop_reason: str | None = None
         self.hold_reason: str | None = None
         self.arm_requested = arm
+        self.starts = True
+        self.tracked: Tracked | None = None
+        self.continuation: Continuation | None = None
         self._watched: dict[int, str] = {}
 
     def arm(self) -> None:

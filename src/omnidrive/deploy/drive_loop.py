@@ -13,11 +13,12 @@ from omnidrive.control.pipeline import PartFailed
 from omnidrive.control.supervision import Event
 from omnidrive.deploy.clock import Clock, SimulatedClock
 from omnidrive.deploy.command_gate import CommandGate
-from omnidrive.deploy.controls import DriveControls
+from omnidrive.deploy.controls import DriveControls, Tracked
 from omnidrive.deploy.drive_progress import DriveProgress
 from omnidrive.deploy.drive_state import REFERENCE_ENDS, DriveState, StateMachine
 from omnidrive.deploy.latest_readings import MAX_AHEAD, LatestReadings
 from omnidrive.deploy.log.drive_log import DriveLog
+from omnidrive.deploy.log.logged_event import Continued, File
 from omnidrive.deploy.log.logged_sample import LoggedSample, Segment
 from omnidrive.deploy.loop_timing import LoopTiming
 from omnidrive.deploy.pose_jump import PoseJump
@@ -40,6 +41,7 @@ _ALIGN_TIME = 2.0  # s; longest wait for the first readings
 _POLL = 0.0002  # s
 _MARGIN = 0.001  # s from the arrival of readings to a sample
 _STOPS = 3  # zero commands at the end, because one may be lost
+_MAX_SPLICE_DELAY = 0.2  # s; later, the pose of another motion would be too far ahead
 _NOTHING = LoggedSample(0, DriveState.IDLE, 0.0, 0.0)
 
 
@@ -260,6 +262,7 @@ class DriveLoop:
         k = number - self.progress.first
         t = k * self.dt
         readings = self._readings.at(t, self._begin + self.progress.first * self.dt)
+        self._continue(number, t)
         tracked = self.progress.tracked
         if k >= self.progress.last:
             step = self.pipeline.observe(t, readings, tracked)
@@ -284,6 +287,23 @@ class DriveLoop:
         supervisor = self.pipeline.supervisor
         if supervisor.at_rest and value == STOP:
             self._stop(number, supervisor.stopped or "the supervisor stopped the robot")
+
+    def _continue(self, number: int, t: float) -> None:
+        """Track another motion if one is requested; ``t``: time since the segment began, s."""
+        progress, controls = self.progress, self.controls
+        wanted, controls.continuation = controls.continuation, None
+        if (
+            wanted is not None
+            and wanted.tracked is progress.tracked
+            and t <= wanted.spliced.switch_time + _MAX_SPLICE_DELAY
+        ):
+            progress.continue_along(wanted.spliced, self.pipeline)
+            if self.sink is not None:
+                for name, data in wanted.files.items():
+                    self.sink.add(File(name, data))
+                    self.sink.add(Continued(number, wanted.spliced.switch_time, name))
+        controls.starts = False
+        controls.tracked = Tracked(progress.tracked, progress.governed, t)
 
     def _too_old(self, now: float, step: PipelineStep) -> str:
         """Return what is too old to drive on, and why; empty: nothing."""
@@ -339,7 +359,7 @@ class DriveLoop:
                 watchdog: a ramp would move it again.
         """
         self.progress.end(number if since is None else since)
-        self.controls.arm_requested = False
+        self.controls.arm_requested, self.controls.tracked = False, None
         if at_once:
             self.gate.sent = STOP
         self.gate.hold()
@@ -348,6 +368,7 @@ class DriveLoop:
 
     def _stop(self, number: int, reason: str, *, finished: bool = False) -> None:
         """Stop the robot for good."""
+        self.controls.starts, self.controls.tracked = False, None
         with suppress(Exception):
             self.link.stop()
             self._sample = self._sample._replace(sent=STOP)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from omnidrive.control import Pipeline
 from omnidrive.deploy.remaining_reference import RemainingReference
-from omnidrive.reference import Reference
+from omnidrive.reference import Reference, SplicedReference
 
 
 @dataclass(slots=True)
@@ -18,7 +18,8 @@ class DriveProgress:
         dt: Sample time, s.
         first: Number of the sample with which the present segment begins.
         last: Number of the last sample of the segment, counted from its first.
-        tracked: What remained of the reference when the segment began.
+        tracked: What remained of the reference when the segment began, and its continuations.
+        governed: What the controller tracks instead.
         done: Time of the reference that former segments tracked, s.
     """
 
@@ -27,26 +28,42 @@ class DriveProgress:
     first: int = 0
     last: int = 0
     tracked: Reference = field(init=False)
+    governed: Reference = field(init=False)
     done: float = 0.0
     _logged: float = 0.0
     """Time of the log at which the present segment begins, s."""
 
     def __post_init__(self) -> None:
-        self.tracked = self.reference
+        self.tracked = self.governed = self.reference
 
     def begin(self, number: int, pipeline: Pipeline) -> None:
         """Begin a segment with the sample ``number``; ``pipeline`` may delay the reference."""
-        if self.done:
+        continued = isinstance(self.tracked, SplicedReference)
+        if isinstance(self.tracked, SplicedReference):
+            self.reference = self.tracked.after
+        if self.done or continued:
             self.tracked = RemainingReference(self.reference, self.done)
-        retimed = pipeline.retime(self.tracked).reference
-        duration = max(self.tracked.duration, retimed.duration)
-        self.first, self.last = number, round(duration / self.dt)
+        self.first = number
+        self._govern(pipeline)
+
+    def continue_along(self, reference: SplicedReference, pipeline: Pipeline) -> None:
+        """Track another motion in the present segment; its first part is the tracked one."""
+        self.tracked = reference
+        self._govern(pipeline)
+
+    def _govern(self, pipeline: Pipeline) -> None:
+        self.governed = pipeline.retime(self.tracked).reference
+        duration = max(self.tracked.duration, self.governed.duration)
+        self.last = round(duration / self.dt)
 
     def end(self, number: int) -> None:
         """End the segment with the sample ``number``, before the end of the reference."""
         t = (number - self.first) * self.dt
         tracked = self.tracked
-        self.done += tracked.progress(t) if isinstance(tracked, RemainingReference) else t
+        if isinstance(tracked, SplicedReference):
+            self.done = max(t - tracked.switch_time, 0.0)
+        else:
+            self.done += tracked.progress(t) if isinstance(tracked, RemainingReference) else t
         self._logged += t + self.dt
 
     def log_time(self, t: float) -> float:

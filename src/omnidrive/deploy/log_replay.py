@@ -14,13 +14,15 @@ from omnidrive.arrays import Array
 from omnidrive.control import CommandValue, Pipeline, PipelineStep, WheelTorques
 from omnidrive.control.controller import check_controller
 from omnidrive.control.pipeline import PartFailed
+from omnidrive.deploy.attached_files import attached_files
 from omnidrive.deploy.drive import warm_up
 from omnidrive.deploy.drive_progress import DriveProgress
 from omnidrive.deploy.log.logged_drive import LoggedDrive
+from omnidrive.deploy.log.logged_event import Continued
 from omnidrive.deploy.log.logged_sample import LoggedSample
 from omnidrive.errors import InvalidInput, InvalidLog, one_line
 from omnidrive.geometry import BodyTwist
-from omnidrive.reference import Reference
+from omnidrive.reference import Reference, SampledReference, SplicedReference, load_waypoints
 from omnidrive.robot import Robot
 from omnidrive.simulation.guard import run_timer
 
@@ -104,6 +106,7 @@ def _replayed(
 ) -> tuple[list[_Row], str]:
     """Return the samples of both, and why they end before the log."""
     progress, segments = DriveProgress(reference, logged.dt), deque(logged.segments)
+    continuations = deque(logged.continuations)
     rows: list[_Row] = []
     begun = False
     for sample in logged.samples():
@@ -118,6 +121,8 @@ def _replayed(
             begun = True
         if sample.step is None or not begun:
             continue
+        while continuations and continuations[0].number <= sample.number:
+            _continue(progress, pipeline, continuations.popleft(), logged)
         step = _step(sample, pipeline, progress)
         rows.append(_Row(sample.number, sample.step, step))
         if step.failed and not sample.step.failed:
@@ -125,6 +130,21 @@ def _replayed(
             t = sample.number * logged.dt
             return rows, f"at {t:g} s the {step.failed} failed: {one_line(reason)}"
     return rows, ""
+
+
+def _continue(
+    progress: DriveProgress, pipeline: Pipeline, continued: Continued, logged: LoggedDrive
+) -> None:
+    """Track another motion of the log from a sample on."""
+    name = continued.file
+    if name not in logged.files:
+        raise InvalidLog(f"the file {one_line(name, 60)} is not attached")
+    with attached_files({name: logged.files[name]}) as folder:
+        reference = load_waypoints(folder / name)
+    if not isinstance(reference, SampledReference):
+        raise InvalidLog(f"{one_line(name, 60)} of the log has no times")
+    spliced = SplicedReference.of(progress.governed, reference, continued.at)
+    progress.continue_along(spliced, pipeline)
 
 
 def _step(sample: LoggedSample, pipeline: Pipeline, progress: DriveProgress) -> PipelineStep:

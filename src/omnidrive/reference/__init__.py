@@ -8,7 +8,8 @@ All of them satisfy the protocol :class:`Reference`:
 - :class:`UniformReference`: a spline path, its parameter proportional to time;
 - :class:`TimedReference`: a path, timed within limits of speed and acceleration;
 - :class:`RetimedReference`: another reference, uniformly slower or faster;
-- :class:`DelayedReference`: another reference, slower only where limits require it.
+- :class:`DelayedReference`: another reference, slower only where limits require it;
+- :class:`SplicedReference`: one reference, and from a given time on another one.
 """
 
 from omnidrive.choices import Heading
@@ -27,6 +28,7 @@ from omnidrive.reference.retimed_reference import RetimedReference
 from omnidrive.reference.sampled_reference import SampledReference
 from omnidrive.reference.shape_reference import ShapeReference
 from omnidrive.reference.shapes import Circle, Eight, RaisedCosine, RandomSmooth, Slalom, Square
+from omnidrive.reference.spliced_reference import SplicedReference
 from omnidrive.reference.timed_reference import TimedReference
 from omnidrive.reference.uniform_reference import (
     UniformReference,
@@ -57,6 +59,7 @@ __all__ = [
     "Setpoint",
     "ShapeReference",
     "Slalom",
+    "SplicedReference",
     "Square",
     "TimedReference",
     "UniformReference",

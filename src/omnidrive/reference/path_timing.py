@@ -8,7 +8,7 @@ import numpy as np
 
 from omnidrive.choices import Heading
 from omnidrive.errors import InvalidReference
-from omnidrive.geometry import wrap
+from omnidrive.geometry import WorldTwist, wrap
 from omnidrive.parameter import check_choice
 from omnidrive.planning import SplinePath
 from omnidrive.reference.free_heading import free_heading
@@ -21,6 +21,8 @@ from omnidrive.robot import Chassis
 
 _TOLERANCE = 1e-6
 """Largest difference of headings that count as equal, in rad."""
+_START_TOLERANCE = 0.01
+"""Largest difference of twists at the start, in m/s and rad/s, beside 2 % of the twist."""
 
 
 def time_within_limits(
@@ -33,6 +35,7 @@ def time_within_limits(
     start_yaw: float | None = None,
     goal_yaw: float | None = None,
     duration: float | None = None,
+    start_twist: WorldTwist | None = None,
 ) -> TimedReference:
     """Return the fastest motion along ``path`` within ``limits``, from rest to rest.
 
@@ -46,11 +49,14 @@ def time_within_limits(
         start_yaw: Heading at the start, in rad, modulo whole turns; None: free.
         goal_yaw: Heading at the goal, likewise.
         duration: Duration to which the whole motion is slowed, in s; None: the shortest.
+        start_twist: Twist in W at the start, along the path; m/s, m/s, rad/s. None: rest.
 
     Raises:
         InvalidInput: A limit or a heading is outside its domain, or its kind is unknown.
         InvalidReference: The path does not move, has no direction of travel for heading
-            ``tangent``, cannot be followed in ``duration``, or contradicts an end heading.
+            ``tangent``, cannot be followed in ``duration``, contradicts an end heading, or
+            cannot be followed from ``start_twist`` on: its direction is another one, or the
+            limits do not permit that speed there.
         MissingExtra: Heading ``free`` without CasADi.
     """
     check_choice("heading", heading, get_args(Heading))
@@ -63,8 +69,33 @@ def time_within_limits(
         yaw = goal_yaw if start_yaw is None else start_yaw
     pieces = PiecewisePath.of(path, kind, yaw)
     _check_ends(pieces, heading, (start_yaw, goal_yaw))
-    reference = time_optimal_reference(pieces, rows)
-    return reference if duration is None else reference.with_duration(duration)
+    reference = time_optimal_reference(pieces, rows, _start_speed(pieces, start_twist))
+    if duration is not None:
+        reference = reference.with_duration(duration)
+    if start_twist is not None:
+        _check_start(reference, start_twist)
+    return reference
+
+
+def _start_speed(path: PiecewisePath, twist: WorldTwist | None) -> float:
+    """Return ds/dt at the start of a path for which the twist there is nearest to ``twist``."""
+    if twist is None:
+        return 0.0
+    along = path.at(np.array([0]), np.array([0.0])).first_derivatives[0]
+    square = float(along @ along)
+    return max(float(along @ np.array(twist)) / square, 0.0) if square > 0.0 else 0.0
+
+
+def _check_start(reference: TimedReference, required: WorldTwist) -> None:
+    """Raise InvalidReference if the motion starts with another twist in W."""
+    found = reference.at(0.0).twist
+    off = np.abs(np.subtract(found, required))
+    if (off > _START_TOLERANCE + 0.02 * np.abs(required).max()).any():
+        texts = [f"({x:.3g} m/s, {y:.3g} m/s, {w:.3g} rad/s)" for x, y, w in (required, found)]
+        raise InvalidReference(
+            f"the path cannot be followed from the twist {texts[0]} on: within the limits it "
+            f"starts with {texts[1]}"
+        )
 
 
 def _check_ends(

@@ -31,8 +31,13 @@ _TRIES = 3
 """Largest number of times that limits are tightened."""
 
 
-def time_optimal_reference(path: PiecewisePath, limits: tuple[LimitRows, ...]) -> TimedReference:
-    """Return the fastest motion along ``path`` within ``limits``, from rest to rest.
+def time_optimal_reference(
+    path: PiecewisePath, limits: tuple[LimitRows, ...], start_speed: float = 0.0
+) -> TimedReference:
+    """Return the fastest motion along ``path`` within ``limits`` that ends at rest.
+
+    It starts with ``start_speed`` (ds/dt in 1/s; the path parameter s counts pieces), or less if
+    the limits do not permit that much.
 
     The time lost to the grid decreases with its width, so that the durations on two grids give the
     width required. Limits that are violated between the collocation points, for example next to a
@@ -42,20 +47,20 @@ def time_optimal_reference(path: PiecewisePath, limits: tuple[LimitRows, ...]) -
     most = max(4 if pieces <= _LONG else 2, _MAX_NODES // pieces)
     per_piece = min(max(2, -(-_FIRST_NODES // pieces)), most)
     if 2 * per_piece < most:
-        coarse = _on_grid(path, limits, per_piece)
-        fine = _on_grid(path, limits, 2 * per_piece)
+        coarse = _on_grid(path, limits, per_piece, start_speed)
+        fine = _on_grid(path, limits, 2 * per_piece, start_speed)
         gain = abs(coarse.duration / fine.duration - 1.0)
         per_piece = min(per_piece * 2 ** max(1, ceil(log2(2.0 * gain / _GAIN + 1e-9))), most)
     else:
         per_piece = most
     factors = np.ones(per_piece * pieces)
-    reference = _on_grid(path, limits, per_piece)
+    reference = _on_grid(path, limits, per_piece, start_speed)
     for _ in range(_TRIES):
         usage = _peak_usage(reference)
         if usage.max() <= 1.0 + _EXCESS:
             break
         factors *= np.maximum(usage, 1.0)
-        reference = _on_grid(path, limits, per_piece, factors)
+        reference = _on_grid(path, limits, per_piece, start_speed, factors)
     usage = _peak_usage(reference).max()
     return reference.with_duration(reference.duration * usage**0.5) if usage > 1.0 else reference
 
@@ -64,6 +69,7 @@ def _on_grid(
     path: PiecewisePath,
     limits: tuple[LimitRows, ...],
     per_piece: int,
+    start_speed: float,
     factors: Float[Array, " intervals"] | None = None,
 ) -> TimedReference:
     """Return the fastest motion whose path acceleration is constant on each interval.
@@ -72,6 +78,7 @@ def _on_grid(
         path: Path to follow.
         limits: Limits of the motion.
         per_piece: Number of intervals on each piece.
+        start_speed: Largest ds/dt at the start, 1/s.
         factors: Divisor of the limits in each interval; speed limits are divided by its root.
     """
     a, b, still = interval_rows(path, limits, per_piece)
@@ -81,7 +88,7 @@ def _on_grid(
     if factors is not None:
         a *= factors[:, None]
         b *= factors[:, None]
-    ends = top if still[0] else 0.0, top if still[1] else 0.0
+    ends = top if still[0] else start_speed**2, top if still[1] else 0.0
     x = max_squared_speeds(a, b, 1.0 / per_piece, top, ends)
     reference = TimedReference(path, limits, x)
     if not np.isfinite(reference.duration):

@@ -20,7 +20,7 @@ _CHECKS = 8
 
 @dataclass(frozen=True, eq=False)
 class TimedReference(WindowReference):
-    """Motion from rest to rest along a path, with ``(ds/dt)^2`` linear in s between equal nodes.
+    """Motion along a path that ends at rest, with ``(ds/dt)^2`` linear in s between equal nodes.
 
     The path acceleration d2s/dt2 is constant between nodes, and the pose at any time has a closed
     form. The velocity is continuous; the acceleration may jump at nodes.

@@ -153,6 +153,50 @@ def test_a_behaviour_tree_drives_cancels_and_replaces_goals():
         assert nav.result.call(goal_id=uuid(99)).status == 0
 
 
+@pytest.mark.long
+def test_a_robot_arrives_although_a_behaviour_tree_plans_again_every_second():
+    """As Nav2's default tree: each goal is the rest of the path from the robot's pose on."""
+    with serving() as (robot, _, nav):
+        nav.activate()
+        goal, number, speeds = (2.4, 0.3), 10, []
+        end = time.monotonic() + 25.0
+        while time.monotonic() < end and abs(robot.state.pose.x - goal[0]) > 0.05:
+            x, y, _ = robot.state.pose
+            count = max(round(np.hypot(goal[0] - x, goal[1] - y) / 0.05), 1)
+            share = np.arange(count + 1) / count
+            # a planner's path is a little beside the last one
+            beside = 0.08 * np.sin(np.pi * share) * (-1) ** number
+            path = np.column_stack([x + (goal[0] - x) * share, y + (goal[1] - y) * share + beside])
+            number += 1
+            assert nav.goal(number, path.tolist())
+            later = time.monotonic() + 1.0
+            while time.monotonic() < later:
+                time.sleep(0.02)
+                if 0.5 < robot.state.pose.x < 1.9:
+                    speeds.append(np.hypot(robot.state.twist.vx, robot.state.twist.vy))
+        response = nav.result.call(goal_id=uuid(number), wait=20.0)
+        assert (response.status, response.result.error_code) == (SUCCEEDED, 0)
+        assert number > 13
+        assert min(speeds) > 0.1  # it does not stop for a new path
+        assert nav.result.call(goal_id=uuid(12)).status == ABORTED  # replaced, as in Nav2
+
+
+@pytest.mark.long
+def test_a_goal_of_a_thousand_poses_is_accepted_before_its_path_is_decoded():
+    with serving() as (_, server, nav):
+        nav.activate()
+        decoded = []
+        decode = server._decode
+        server._decode = lambda goal: decoded.append(server._goals[goal.identity]) or decode(goal)
+        with server._lock:  # the request waits
+            handled = server._accept
+            order = []
+            server._send._handle = lambda *a: order.append(len(decoded)) or handled(*a)
+        assert nav.goal(7, [(0.002 * i, 0.0) for i in range(1000)])
+        assert order == [0]
+        assert nav.result.call(goal_id=uuid(7), wait=30.0).status == SUCCEEDED
+
+
 @pytest.fixture
 def lifecycle():
     """A lifecycle that answers, and a client of raw DDS types."""

@@ -20,7 +20,7 @@ from omnidrive.control.supervision import Event
 from omnidrive.deploy.clock import Clock, MonotonicClock, SimulatedClock
 from omnidrive.deploy.drive_state import StateChange
 from omnidrive.deploy.log.log_file import EVENTS, SAMPLES, LogFile, warm_up
-from omnidrive.deploy.log.logged_event import Dropped, LoggedEvent, SampleText, encode_event
+from omnidrive.deploy.log.logged_event import Dropped, File, LoggedEvent, SampleText, encode_event
 from omnidrive.deploy.log.logged_sample import LoggedSample, encode_sample
 from omnidrive.deploy.log.viewer_messages import BODY, Stamped, ViewerMessages
 from omnidrive.deploy.realtime import Measure, schedule_below_loop
@@ -138,8 +138,8 @@ class DriveLog:
         """Tell the time of the first sample on the clock, s; called before :meth:`add`."""
         self._queue.put(t)
 
-    def add(self, item: LoggedSample | LoggedEvent) -> None:
-        """Append a sample or an event; never blocks on the monotonic clock."""
+    def add(self, item: LoggedSample | LoggedEvent | File) -> None:
+        """Append a sample, an event or a file; never blocks on the monotonic clock."""
         if self._queue.qsize() >= _CAPACITY or self._failure:
             while self._waits and not self._failure and self._queue.qsize() >= _CAPACITY:
                 time.sleep(_FULL_WAIT)
@@ -282,6 +282,9 @@ class _Writer:
             self._view(self._viewer.description(self._last, self._urdf))
         if isinstance(item, LoggedSample):
             self._add_sample(item)
+            return
+        if isinstance(item, File):
+            self._file.attach(item.name, item.data)
             return
         assert isinstance(item, LoggedEvent)
         self._file.add(EVENTS, self._last, encode_event(item, *divmod(self._last, 10**9)))

@@ -73,7 +73,7 @@ class LogFile:
             self._mcap.start(profile="ros2", library="omnidrive")
             self._mcap.add_metadata(DESCRIPTION, dict(description))
             for name, data in files.items():
-                self._mcap.add_attachment(0, 0, name, _media_type(name), data)
+                self.attach(name, data)
             self._mcap.flush()
 
     @property
@@ -85,6 +85,10 @@ class LogFile:
         """Append an encoded message to the present chunk; ``time``: ns since 1970."""
         channel = self._channels.get(topic) or self._register(topic)
         self._mcap.add_message(channel, log_time=time, data=data, publish_time=time)
+
+    def attach(self, name: str, data: bytes) -> None:
+        """Attach a file."""
+        self._mcap.add_attachment(0, 0, name, _media_type(name), data)
 
     def _register(self, topic: str) -> int:
         name = TOPICS.get(topic) or (SAMPLE_TYPE if topic == SAMPLES else EVENT_TYPE)

@@ -17,7 +17,13 @@ from omnidrive.control.supervision import Event
 from omnidrive.deploy.drive_state import REFERENCE_ENDS, StateChange
 from omnidrive.deploy.log.drive_log import FORMAT
 from omnidrive.deploy.log.log_file import DESCRIPTION, END, EVENTS, SAMPLES
-from omnidrive.deploy.log.logged_event import Dropped, LoggedEvent, SampleText, decode_event
+from omnidrive.deploy.log.logged_event import (
+    Continued,
+    Dropped,
+    LoggedEvent,
+    SampleText,
+    decode_event,
+)
 from omnidrive.deploy.log.logged_sample import LoggedSample, Segment, decode_sample
 from omnidrive.deploy.log.record_reader import LoggedMessage, read_records
 from omnidrive.deploy.loop_timing import LoopTiming
@@ -51,6 +57,7 @@ class LoggedDrive:
         files: Contents of the attached files by name, such as ``robot.yaml``.
         changes: History of the state.
         segments: Begins of the segments in which the controller drove.
+        continuations: Other motions that were tracked without a stop.
         events: Events of supervisor and estimator; times since the drive began, s.
         complete: Whether the log has its end; false if the process was killed or the disk full.
         dropped: Number of samples that are missing.
@@ -62,6 +69,7 @@ class LoggedDrive:
     files: Mapping[str, bytes]
     changes: tuple[StateChange, ...]
     segments: tuple[Segment, ...]
+    continuations: tuple[Continued, ...]
     events: tuple[Event, ...]
     complete: bool
     dropped: int
@@ -236,9 +244,10 @@ def read_log(path: StrPath) -> LoggedDrive:
     return LoggedDrive(
         tuple(paths),
         parts[0].metadata,
-        parts[0].files,
+        {name: data for part in reversed(parts) for name, data in part.files.items()},
         tuple(item for item in items if isinstance(item, StateChange)),
         tuple(item for item in items if isinstance(item, Segment)),
+        tuple(item for item in items if isinstance(item, Continued)),
         tuple(item for item in items if isinstance(item, Event)),
         end.get("last") == "1",
         sum(item.samples for item in items if isinstance(item, Dropped)),

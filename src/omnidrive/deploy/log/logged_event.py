@@ -36,7 +36,25 @@ class Dropped(NamedTuple):
     """Their number."""
 
 
-LoggedEvent = StateChange | Segment | Event | SampleText | Dropped
+class Continued(NamedTuple):
+    """Another motion is tracked in the present segment, without a stop."""
+
+    number: int
+    """Number of the first sample in which it is tracked."""
+    at: float
+    """Time since the segment began at which it begins, s."""
+    file: str
+    """Name of the attached file with its samples."""
+
+
+class File(NamedTuple):
+    """A file that is attached to the log during the drive."""
+
+    name: str
+    data: bytes
+
+
+LoggedEvent = StateChange | Segment | Event | SampleText | Dropped | Continued
 """What a log contains besides samples."""
 _NAMES: dict[type, str] = {
     StateChange: "state",
@@ -44,6 +62,7 @@ _NAMES: dict[type, str] = {
     Event: "event",
     SampleText: "text",
     Dropped: "dropped",
+    Continued: "continued",
 }
 
 
@@ -104,4 +123,6 @@ def _event(name: str, values: Mapping[str, str]) -> LoggedEvent | None:
         return Event(float(values["t"]), values["what"])
     if name == "text":
         return SampleText(int(values["number"]), values["notice"], values["message"])
+    if name == "continued":
+        return Continued(int(values["number"]), float(values["at"]), values["file"])
     return Dropped(int(values["samples"])) if name == "dropped" else None

@@ -50,7 +50,12 @@ def encode(message: Message, *, prefix: bytes = b"") -> bytes:
 
 
 def decode(
-    data: bytes | memoryview, name: str, distribution: Distribution = LATEST, *, skip: int = 0
+    data: bytes | memoryview,
+    name: str,
+    distribution: Distribution = LATEST,
+    *,
+    skip: int = 0,
+    partial: bool = False,
 ) -> Message:
     """Return the message that bytes hold.
 
@@ -62,6 +67,7 @@ def decode(
         name: Full name of the type, such as ``nav_msgs/msg/Odometry``.
         distribution: Distribution whose definition holds.
         skip: Number of bytes between header and message, a multiple of eight.
+        partial: Whether further bytes may follow, as those of other fields.
 
     Raises:
         InvalidMessage: The bytes are not a message of this type.
@@ -78,7 +84,7 @@ def decode(
         message = codec.read(source)
     except _FAULTS as error:
         raise InvalidMessage(f"not a {name}: {one_line(str(error), 160)}") from None
-    if len(source.data) - source.at > 3:
+    if len(source.data) - source.at > 3 and not partial:
         raise InvalidMessage(f"not a {name}: {len(source.data) - source.at} bytes too many")
     return message
 

@@ -28,19 +28,19 @@ def parameters_file(settings: DriveSettings) -> bytes:
     return text.encode()
 
 
-def reference_file(reference: Reference, dt: float) -> dict[str, bytes]:
+def reference_file(reference: Reference, dt: float, name: str = REFERENCE_FILE) -> dict[str, bytes]:
     """Return the reference as a file by its name: its samples ``dt`` (s) apart, at most 50,000.
 
     Empty for a reference that a table cannot represent.
     """
     step = dt * max(1, ceil(reference.duration / dt / _SAMPLES))
     with TemporaryDirectory(prefix="omnidrive-") as folder:
-        file = Path(folder) / REFERENCE_FILE
+        file = Path(folder) / name
         try:
             save_waypoints(file, SampledReference.of(reference, step))
         except InvalidReference:
             return {}
-        return {REFERENCE_FILE: file.read_bytes()}
+        return {name: file.read_bytes()}
 
 
 def drive_of_log(

@@ -18,10 +18,10 @@ from omnidrive.deploy.drive import DriveResult
 from omnidrive.deploy.ros2.dds import LATCHED_QOS
 from omnidrive.deploy.ros2.message import Message, message_type
 from omnidrive.deploy.ros2.path_follower import PathFollower
-from omnidrive.deploy.ros2.path_reference import path_poses
+from omnidrive.deploy.ros2.path_reference import is_same_ahead, path_poses
 from omnidrive.deploy.ros2.ros_time import stamp
 from omnidrive.deploy.ros2.service import ACTIVE, FINALIZED, Lifecycle, Service
-from omnidrive.errors import InvalidReference, OmnidriveError, one_line
+from omnidrive.errors import InvalidMessage, InvalidReference, OmnidriveError, one_line
 
 _log = logging.getLogger("omnidrive")
 _POLL, _FEEDBACK_PERIOD = 0.005, 0.1  # s
@@ -32,6 +32,8 @@ _FAILED, _INVALID_PATH = 100, 103
 """Error codes of ``nav2_msgs/action/FollowPath``."""
 _CANCEL_REJECTED = 1
 _TYPE = "nav2_msgs/action/FollowPath"
+_IDENTITY_TYPE = "unique_identifier_msgs/msg/UUID"
+_NEW_GOAL = "a new goal"
 
 
 @dataclass(eq=False)
@@ -40,10 +42,12 @@ class Goal:
 
     identity: bytes
     """Its UUID."""
-    poses: Float[Array, "poses 3"] | None
-    """Path in W; None: it is not usable."""
+    data: bytes
+    """Bytes of the request."""
     accepted: float
     """Time in ROS, s."""
+    poses: Float[Array, "poses 3"] | None = None
+    """Path in W; None: it is not usable, or not decoded yet."""
     status: int = ACCEPTED
     error_code: int = 0
     message: str = ""
@@ -59,8 +63,11 @@ class Goal:
 class FollowPathServer:
     """Server of the action ``follow_path``, and of the lifecycle of the node.
 
-    One goal is driven at a time; a new one aborts the present one, after which the robot stops and
-    starts along the new path. Goals are accepted in the state ``active`` of the lifecycle only.
+    One goal is driven at a time; a new one replaces the present one, which is aborted, as by
+    Nav2's controller server. The drive continues along the new path without a stop, with the pose
+    and twist of the present motion, if the limits of the robot permit it; otherwise the robot stops
+    first.
+    Goals are accepted in the state ``active`` of the lifecycle only, before their path is decoded.
 
     Args:
         follower: Drives along references.
@@ -78,8 +85,12 @@ class FollowPathServer:
         self._controls: DriveControls | None = None
         self._lock = threading.RLock()
         self._fed = 0.0
+        self._following: Goal | None = None
+        self._done = 0
         base = f"{action}/_action"
-        self._send = Service(self._node, f"{base}/send_goal", f"{_TYPE}_SendGoal", self._accept)
+        self._send = Service(
+            self._node, f"{base}/send_goal", f"{_TYPE}_SendGoal", self._accept, _IDENTITY_TYPE
+        )
         self._cancel = Service(
             self._node, f"{base}/cancel_goal", "action_msgs/srv/CancelGoal", self._cancel_goals
         )
@@ -97,12 +108,12 @@ class FollowPathServer:
         Args:
             drives: Number of drives after which it ends; None: no limit.
         """
-        done = 0
+        self._done = 0
         ended = threading.Event()
         thread = threading.Thread(target=self._serve, args=(ended,), daemon=True)
         thread.start()
         try:
-            while self._goes_on and (drives is None or done < drives):
+            while self._goes_on and (drives is None or self._done < drives):
                 goal = self._next_goal()
                 if goal is None:
                     self._follower.link.poses.read()
@@ -111,7 +122,7 @@ class FollowPathServer:
                     continue
                 result = self._drive(goal)
                 if result is not None:
-                    done += 1
+                    self._done += 1
                     yield result
                     if result.ending.startswith("signal"):
                         return
@@ -149,46 +160,103 @@ class FollowPathServer:
             self._change(goal, EXECUTING)
         result, code, message = self._driven(goal, controls)
         with self._lock:
-            self._present = self._controls = None
-            goal.message, goal.error_code = one_line(message), code
-            canceled = goal.status == CANCELING and code
-            self._change(goal, CANCELED if canceled else ABORTED if code else SUCCEEDED)
+            goal = self._present or goal  # the last one that the drive followed
+            self._present = self._controls = self._following = None
+            self._end(goal, message, code)
         return result
+
+    def _end(self, goal: Goal, message: str, code: int) -> None:
+        """Give a goal its result."""
+        goal.message, goal.error_code = one_line(message), code
+        canceled = goal.status == CANCELING and code
+        self._change(goal, CANCELED if canceled else ABORTED if code else SUCCEEDED)
 
     def _driven(self, goal: Goal, controls: DriveControls) -> tuple[DriveResult | None, int, str]:
         """Drive along a path; return the result, the error code of Nav2 and the reason."""
+        self._decode(goal)
         if goal.poses is None:
             return None, _INVALID_PATH, goal.message
         try:
             reference = self._follower.reference_along(goal.poses)
-            result = self._follower.drive(
-                reference, watch=lambda _: self._feed_back(goal), controls=controls
-            )
+            result = self._follower.drive(reference, watch=self._watch, controls=controls)
         except OmnidriveError as error:
             code = _INVALID_PATH if isinstance(error, InvalidReference) else _FAILED
             return None, code, str(error)
-        return result, 0 if result.finished else _FAILED, result.ending
+        return (result, 0, "") if result.finished else (result, _FAILED, result.ending)
+
+    def _decode(self, goal: Goal) -> None:
+        """Decode the path of a goal, or note why it is not usable."""
+        if goal.poses is not None or goal.message:
+            return
+        source = self._follower.link.poses
+        try:
+            path = self._send.request(goal.data).goal.path
+            goal.poses = path_poses(path, source.frames.world, source.tree)
+        except (InvalidReference, InvalidMessage) as error:
+            goal.message = str(error)
+        goal.data = b""
+
+    def _watch(self, controls: DriveControls) -> None:
+        """Feed back, and continue along the path of a new goal, or stop the drive for it."""
+        with self._lock:
+            present = self._present
+        if present is not None:
+            self._feed_back(present)
+        continuation = self._follower.continuation
+        if self._following is not None:
+            continues = continuation.poll(controls)
+            if continues is None:
+                return
+            following, self._following = self._following, None
+            if continues and following.status == ACCEPTED:
+                self._replace(following)
+            elif following.status == ACCEPTED:
+                controls.stop(_NEW_GOAL)
+            return
+        goal = self._next_goal()
+        if goal is None:
+            return
+        self._decode(goal)
+        if goal.poses is None:
+            controls.stop(_NEW_GOAL)
+        elif present is not None and present.poses is not None and self._is_same(goal, present):
+            self._replace(goal)
+        else:
+            begun = continuation.begin(goal.poses, controls)
+            self._following = goal if begun else None
+            if begun is False:
+                controls.stop(_NEW_GOAL)
+
+    def _is_same(self, goal: Goal, present: Goal) -> bool:
+        """Return whether a goal leads the robot where the present one does."""
+        source = self._follower.link.poses
+        position = source.tree.pose(source.frames.base, source.frames.world)
+        if position is None or goal.poses is None or present.poses is None:
+            return False
+        return is_same_ahead(goal.poses, present.poses, position)
+
+    def _replace(self, goal: Goal) -> None:
+        """Make a goal that of the present drive; the former one is aborted."""
+        with self._lock:
+            former, self._present = self._present, goal
+            if former is not None:
+                self._end(former, "replaced by a new goal", _FAILED)
+            self._change(goal, EXECUTING)
+            self._done += 1
 
     def _accept(self, request: Any, _identity: bytes) -> Message:
-        """Accept a goal, if the node is active, and stop the present drive for it."""
+        """Accept a goal, if the node is active."""
         now = self._follower.link.ros_clock.now() or 0.0
-        key = request.goal_id.uuid.tobytes()
+        key = request.uuid.tobytes()
         accepted = self.lifecycle.state == ACTIVE and key not in self._goals
         if accepted:
-            source, poses, fault = self._follower.link.poses, None, ""
-            try:
-                poses = path_poses(request.goal.path, source.frames.world, source.tree)
-            except InvalidReference as error:
-                fault = str(error)
             for each in self._goals.values():
                 if each.status == ACCEPTED:
                     self._change(each, ABORTED)
             over = [k for k, each in self._goals.items() if each.is_over]
             for old in over[: max(len(self._goals) - _MOST_GOALS, 0)]:
                 del self._goals[old]
-            self._goals[key] = Goal(key, poses, now, message=fault)
-            if self._controls is not None:
-                self._controls.stop("a new goal")
+            self._goals[key] = Goal(key, self._send.data, now)
             self._publish_status()
         time_stamp = stamp(now, self._node.distribution)
         return self._send.response(accepted=accepted, stamp=time_stamp)

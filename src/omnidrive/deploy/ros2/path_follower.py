@@ -25,6 +25,7 @@ from omnidrive.deploy.robot_link import LinkLost
 from omnidrive.deploy.ros2.dds import LATCHED_QOS
 from omnidrive.deploy.ros2.drive_files import reference_file
 from omnidrive.deploy.ros2.node import Node, Subscription
+from omnidrive.deploy.ros2.path_continuation import PathContinuation
 from omnidrive.deploy.ros2.path_reference import is_same_ahead, path_poses, path_reference
 from omnidrive.deploy.ros2.planar_messages import grid_of, pose_of
 from omnidrive.deploy.ros2.ros_time import SimulatedTimeClock
@@ -89,6 +90,13 @@ class PathFollower:
     speed: float | None = None
     margin: float = 0.1
     logs: LogFolder | None = None
+    continuation: PathContinuation = field(init=False)
+    """New paths during a drive."""
+
+    def __post_init__(self) -> None:
+        self.continuation = PathContinuation(
+            self.link.robot, self.pipeline, 1.0 / self.rate, self.speed
+        )
 
     @property
     def clock(self) -> Clock | None:
@@ -144,7 +152,8 @@ class PathFollower:
             watch(controls)
 
         files = reference_file(reference, 1.0 / self.rate)
-        with _repeating(check, controls):
+        self.continuation.pipeline = self.pipeline
+        with _repeating(check, controls), self._continued():
             return drive(
                 self.link,
                 self.pipeline,
@@ -154,6 +163,14 @@ class PathFollower:
                 clock=self.clock,
                 log=None if self.logs is None else self.logs.next(files),
             )
+
+    @contextmanager
+    def _continued(self) -> Iterator[None]:
+        """Abandon what is computed for new paths at the end of a drive."""
+        try:
+            yield
+        finally:
+            self.continuation.abandon()
 
     def reference_along(self, poses: Float[Array, "poses 3"]) -> Reference:
         """Return the motion along a path in W from the robot's present pose."""
@@ -183,8 +200,9 @@ class PathFollower:
 class PlanFollower:
     """Follows the paths on ``/plan`` and drives to the goals on ``/goal_pose`` with ``/map``.
 
-    A path that leads where the present one does is ignored; for another one the robot stops, and
-    starts again along it. A goal without a map is refused.
+    A path that leads where the present one does is ignored. Along another one the drive continues
+    without a stop, with the pose and twist of the present motion, if the limits of the robot permit
+    it; otherwise, and for a goal, the robot stops first. A goal without a map is refused.
 
     Attributes:
         follower: Drives along references.
@@ -205,6 +223,10 @@ class PlanFollower:
     """Path poses or goal pose to drive next."""
     _present: Float[Array, "poses 3"] | None = field(default=None, init=False)
     """Path that is driven."""
+    _following: Float[Array, "poses 3"] | None = field(default=None, init=False)
+    """Path along which the drive is about to continue."""
+    _done: int = field(default=0, init=False)
+    """Number of paths and goals that are driven or replaced."""
 
     def __post_init__(self) -> None:
         node = self.follower.link.node
@@ -218,8 +240,8 @@ class PlanFollower:
         Args:
             drives: Number of drives after which it ends; None: no limit.
         """
-        done = 0
-        while not self.follower.requests.stopped and (drives is None or done < drives):
+        self._done = 0
+        while not self.follower.requests.stopped and (drives is None or self._done < drives):
             if self._next is None:
                 self._take()
                 self.follower.link.poses.read()
@@ -234,8 +256,10 @@ class PlanFollower:
                 _log.warning("not driven: %s", error)
                 continue
             result = self.follower.drive(reference, watch=self._watch)
-            self._present = None
-            done += 1
+            if self._next is None:  # not decided in time
+                self._next = self._following
+            self._present = self._following = None
+            self._done += 1
             yield result
             if result.ending.startswith("signal"):
                 return
@@ -249,9 +273,28 @@ class PlanFollower:
         return self.follower.reference_along(task)
 
     def _watch(self, controls: DriveControls) -> None:
-        """Stop the present drive for another path or goal."""
+        """Continue along another path, or stop the present drive for it or for a goal."""
         self._take()
-        if self._next is not None:
+        continuation = self.follower.continuation
+        if self._following is not None:
+            continues = continuation.poll(controls)
+            if continues is None:
+                return
+            if continues:
+                self._present = self._following
+                self._done += 1
+            elif self._next is None:
+                self._next = self._following
+            self._following = None
+            if not continues:
+                controls.stop(_NEW_PATH)
+            return
+        if self._next is None:
+            return
+        begun = False if isinstance(self._next, Pose) else continuation.begin(self._next, controls)
+        if begun:
+            self._following, self._next = self._next, None
+        elif begun is False:
             controls.stop(_NEW_PATH)
 
     def _take(self) -> None:
@@ -264,7 +307,7 @@ class PlanFollower:
             with _reported(self.plan_topic):
                 found = path_poses(received.message, poses.frames.world, poses.tree)
                 position = poses.tree.pose(poses.frames.base, poses.frames.world)
-                old = self._present
+                old = self._present if self._following is None else self._following
                 if old is None or position is None or not is_same_ahead(found, old, position):
                     self._next = found
         for received in self._goals.take():

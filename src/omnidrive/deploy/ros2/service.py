@@ -28,6 +28,12 @@ class Service:
         type_name: Type of the service, such as ``lifecycle_msgs/srv/GetState``.
         handle: Returns the response to a request; None: :meth:`reply` gives it later. It receives
             the request and its identity.
+        head: Type of the first field of the request, which alone is decoded then; the handler
+            receives it, and the bytes from :attr:`data`.
+
+    Attributes:
+        response: Class of the responses.
+        data: Bytes of the request that is handled.
     """
 
     def __init__(
@@ -36,6 +42,7 @@ class Service:
         name: str,
         type_name: str,
         handle: Callable[[Any, bytes], Message | None],
+        head: str | None = None,
     ) -> None:
         self._handle, self._node, self._request = handle, node, f"{type_name}_Request"
         full = resolve(name, node.namespace, node=node.name)
@@ -43,21 +50,39 @@ class Service:
         mark = "serviceid=" + ".".join(["10", *(f"{each:x}" for each in number)]) + ";"
         self._requests = node.request_subscription(dds_topic(full, "rq"), self._request, mark)
         self._replies = node.request_publisher(dds_topic(full, "rr"), f"{type_name}_Response", mark)
+        self._head, self.data = head, b""
         self.response = self._replies.message
-        """Class of the responses."""
 
     def poll(self) -> None:
         """Answer the requests that arrived; those that are not of the type are left out."""
         for raw in self._requests.take_raw():
             try:
-                request = decode(raw.data, self._request, self._node.distribution, skip=_IDENTITY)
+                request = self._decoded(raw.data, self._head)
             except InvalidMessage as error:
                 _log.warning("a request is refused: %s", error)
                 continue
+            self.data = raw.data
             identity = raw.data[4 : 4 + _IDENTITY]
             response = self._handle(request, identity)
             if response is not None:
                 self.reply(response, identity)
+
+    def request(self, data: bytes) -> Any:
+        """Return the whole request of bytes of :attr:`data`.
+
+        Raises:
+            InvalidMessage: They hold something else.
+        """
+        return self._decoded(data, None)
+
+    def _decoded(self, data: bytes, head: str | None) -> Any:
+        return decode(
+            data,
+            head or self._request,
+            self._node.distribution,
+            skip=_IDENTITY,
+            partial=head is not None,
+        )
 
     def reply(self, response: Message, identity: bytes) -> None:
         """Send the response to the request with an identity."""

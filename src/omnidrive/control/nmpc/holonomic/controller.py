@@ -304,8 +304,8 @@ class HolonomicController(GuardedController):
     def compute(self, t: float, state: State, reference: Reference) -> Command:
         """Return the command for the state estimated at ``t`` (s)."""
         if self.governor is not None:
+            self._delay = self.governor.delay(reference, t)
             reference = self.governor.govern(reference)
-            self._delay = self.governor.delay(t)
         begin = t + self.actuation.delay
         if self.keep_outs is not self._stacked:
             self._stack_keep_outs(begin)
