@@ -12,7 +12,9 @@ from omnidrive.evaluation.uncertainty import CONFIDENCE, MeanEstimate
 
 _MIXTURE = 20.0
 """Inverse variance of the mixture over the standardised mean. The intervals are narrowest, relative
-to their limit, between 100 and 1,000 values, and unbounded below 13, where one outlier decides."""
+to their limit, between 100 and 1,000 values, and unbounded for few, where one outlier decides."""
+MIN_ALWAYS_VALID = 13
+"""Fewer values have no bounded interval."""
 
 
 def always_valid_mean(
