@@ -77,9 +77,7 @@ class PairEvidence(NamedTuple):
 
     @property
     def is_shown_alone(self) -> bool:
-        """Whether the interval of the pair excludes 0, but the verdict, after Holm's correction,
-        shows no difference.
-        """
+        """Whether the interval excludes 0, but Holm's correction leaves no difference shown."""
         without = self.difference.low > 0.0 or self.difference.high < 0.0
         return without and not self.p < 1.0 - CONFIDENCE
 
