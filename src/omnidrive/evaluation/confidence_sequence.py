@@ -33,8 +33,8 @@ def always_valid_mean(
     confidence sequence of Waudby-Smith et al., Ann. Statist. 52, 2024. Differences between equally
     good controllers are symmetric: for heavy tails, ties and two-point distributions the tests find
     at most the stated error. Skewed differences of mean zero exceed it: with exponential ones,
-    7.6 % of the sequences of 13 to 2,000 values ever exclude the mean (4.9 % from 100 values on), with
-    lognormal ones 16 % (8.8 % from 100, 5.3 % from 200 on).
+    7.6 % of the sequences of 13 to 2,000 values ever exclude the mean (4.9 % from 100 values on),
+    with lognormal ones 16 % (8.8 % from 100, 5.3 % from 200 on).
 
     Args:
         values: Values in the order in which they were added, each finite.
