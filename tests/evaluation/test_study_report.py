@@ -219,3 +219,15 @@ def test_sequential_study_says_so(study):
 def test_notes_explain_intervals_only_where_there_are_some():
     assert _interval_note([("a", "1.0 ± 0.2")]) == " ± half its 95 % interval"
     assert not _interval_note([("a", "1.0")])
+
+
+def test_notes_name_the_repetitions_that_a_difference_needs():
+    few, enough = (
+        evidence_tables(StudyEvidence(RunTable(synthetic_table(
+            {"a": 0.05, "b": 0.06, "c": 0.07}, repetitions=count
+        ))))[0].note
+        for count in (3, 7)
+    )  # fmt: skip
+    assert "With 3 repetitions no difference between runs that vary can be shown at 5 %" in few
+    assert "3 pairs of controllers need at least 7" in few
+    assert "need at least" not in enough

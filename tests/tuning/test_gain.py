@@ -33,7 +33,7 @@ def test_paired_by_repetition():
     assert gain.relative[0] == pytest.approx(-0.3, abs=0.02)
     assert gain.verdict == "better"
     assert found.gains[2].verdict == "no difference shown"
-    assert gain.text == ("ME, mm: 39.69 before, 27.6 after tuning, −30.5 % [−31.3 %, −29.7 %]")
+    assert gain.text == ("ME, mm: 39.69 before, 27.6 after tuning, −30.5 % [−31.2 %, −29.5 %]")
     assert (found.runs, found.failed_before, found.failed_after) == (18, 0, 0)
 
 
