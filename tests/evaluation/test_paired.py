@@ -43,13 +43,13 @@ def found(results, first, second, measure="me"):
     return one
 
 
-def tested(first, second):
+def pair_of(first, second):
     return difference_tests((ME[first] - ME[second])[:, None])[0]
 
 
 def test_differences_are_tested_as_those_of_studies(repeated):
     d = found(repeated, "fuzzy_t2", "fuzzy_t1")
-    assert d.difference == pytest.approx(tested("fuzzy_t2", "fuzzy_t1").estimate, rel=1e-9)
+    assert d.difference == pytest.approx(pair_of("fuzzy_t2", "fuzzy_t1").estimate, rel=1e-9)
     assert d.difference.sample_size == SEEDS
     assert d.verdict == "worse"
     assert stats.ttest_ind(ME["fuzzy_t2"], ME["fuzzy_t1"]).pvalue > 0.5
@@ -67,7 +67,7 @@ def test_p_value_is_corrected_for_number_of_pairs(repeated):
         repeated, tracks=tuple(r for r in repeated.tracks if r.controller != "fuzzy_t1")
     )
     single = found(alone, "holonomic-nmpc", "fuzzy_t2").p
-    assert single == pytest.approx(tested("holonomic-nmpc", "fuzzy_t2").p, rel=1e-6)
+    assert single == pytest.approx(pair_of("holonomic-nmpc", "fuzzy_t2").p, rel=1e-6)
     assert found(repeated, "holonomic-nmpc", "fuzzy_t2").p == pytest.approx(2.0 * single)
 
 
