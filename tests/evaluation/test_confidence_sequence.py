@@ -23,6 +23,13 @@ LAWS = {
 }
 
 
+SKEWED = {
+    "exponential": lambda rng, shape: rng.exponential(size=shape) - 1.0,
+    "lognormal": lambda rng, shape: rng.lognormal(size=shape) - np.exp(0.5),
+}
+"""Skewed differences of mean 0, whose error the documentation states."""
+
+
 def test_bound_is_where_the_martingale_reaches_its_limit():
     values = np.random.default_rng(1).normal(0.3, 2.0, size=50)
     found = always_valid_mean(values)
@@ -70,14 +77,16 @@ def test_values_needed_is_the_first_narrow_enough_number():
     assert values_needed(0.0, 1e-3) == 13.0
 
 
-def ever_flagged(law, studies, longest, seed):
+def ever_flagged(law, studies, longest, seed, shortest=1):
     """Share of studies of equal controllers in which an interval excludes 0 at any size."""
     rng = np.random.default_rng(seed)
     count = 0
-    for values in LAWS[law](rng, (studies, longest)):
+    for values in {**LAWS, **SKEWED}[law](rng, (studies, longest)):
         sums, powers = np.cumsum(values), np.cumsum(values**2)
         sizes = np.arange(1, longest + 1)
-        suspect = np.flatnonzero(sums**2 > 4.0 * powers)  # all others have p > 0.05
+        suspect = np.flatnonzero(
+            (sums**2 > 4.0 * powers) & (sizes >= shortest)
+        )  # all others have p > 0.05
         count += any(always_valid_p(values[: sizes[k]]) < 0.05 for k in suspect)
     return count / studies
 
@@ -91,3 +100,13 @@ def test_equal_controllers_are_rarely_told_apart_at_any_time(law):
 @pytest.mark.parametrize("law", LAWS)
 def test_at_most_5_percent_of_1000_sequential_studies_ever_tell_equal_controllers_apart(law):
     assert ever_flagged(law, 1000, 2000, seed=6) <= 0.05
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("law", "shortest", "share"),
+    [("exponential", 13, 0.076), ("exponential", 100, 0.049),
+     ("lognormal", 13, 0.16), ("lognormal", 100, 0.088), ("lognormal", 200, 0.053)],
+)  # fmt: skip
+def test_stated_error_of_skewed_differences(law, shortest, share):
+    assert ever_flagged(law, 1000, 2000, 6, shortest) == pytest.approx(share, abs=0.02)

@@ -7,8 +7,8 @@ import pyarrow as pa
 import pytest
 from scipy import stats
 
-from omnidrive.evaluation.bootstrap import bootstrap_means
 from omnidrive.evaluation.evidence import axis_evidence, task_evidence
+from omnidrive.evaluation.mean_test import difference_tests
 from omnidrive.evaluation.run_table import RunTable
 from tests.evaluation.synthetic_runs import TASK, synthetic_table
 
@@ -55,7 +55,7 @@ def test_difference_is_that_of_the_pairs():
     values = {n: RunTable(table.filter(pa.compute.equal(table["controller"], n))).values("me")
               for n in THREE}  # fmt: skip
     differences = values["fuzzy_t2"] - values["fuzzy_t1"]
-    assert pair.difference == pytest.approx(bootstrap_means(differences[:, None])[0].estimate)
+    assert pair.difference == pytest.approx(difference_tests(differences[:, None])[0].estimate)
     assert pair.effect == pytest.approx(differences.mean() / differences.std(ddof=1))
     assert pair.share_better == np.mean(differences < 0.0)
     assert pair.relative == pytest.approx(differences.mean() / values["fuzzy_t1"].mean())

@@ -12,7 +12,9 @@ from omnidrive.evaluation.uncertainty import CONFIDENCE, MeanEstimate
 
 _MIXTURE = 20.0
 """Inverse variance of the mixture over the standardised mean. The intervals are narrowest, relative
-to their limit, between 100 and 1,000 values, and unbounded below 13, where one outlier decides."""
+to their limit, between 100 and 1,000 values, and unbounded for few, where one outlier decides."""
+MIN_ALWAYS_VALID = 13
+"""Fewer values have no bounded interval."""
 
 
 def always_valid_mean(
@@ -30,7 +32,9 @@ def always_valid_mean(
     all sample sizes for normally distributed values; for others its limit is the asymptotic
     confidence sequence of Waudby-Smith et al., Ann. Statist. 52, 2024. Differences between equally
     good controllers are symmetric: for heavy tails, ties and two-point distributions the tests find
-    at most the stated error. Strongly skewed differences need some hundred values.
+    at most the stated error. Skewed differences of mean zero exceed it: with exponential ones,
+    7.6 % of the sequences of 13 to 2,000 values ever exclude the mean (4.9 % from 100 values on),
+    with lognormal ones 16 % (8.8 % from 100, 5.3 % from 200 on).
 
     Args:
         values: Values in the order in which they were added, each finite.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import combinations
 from math import floor, isfinite, log10, nan
 from typing import Any, NamedTuple
@@ -11,8 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.bootstrap import TestedMean, bootstrap_means
 from omnidrive.evaluation.confidence_sequence import always_valid_mean, always_valid_p
+from omnidrive.evaluation.mean_test import TestedMean, difference_tests, mean_intervals
 from omnidrive.evaluation.quantities import Quantity, quantity
 from omnidrive.evaluation.repetition_means import RepetitionMeans, repetition_means
 from omnidrive.evaluation.run_table import RunTable, Task
@@ -21,9 +20,6 @@ from omnidrive.evaluation.uncertainty import CONFIDENCE, MeanEstimate, holm, p_t
 
 BETTER, WORSE, NO_DIFFERENCE = "better", "worse", "no difference shown"
 """Verdicts of a comparison."""
-
-Tester = Callable[[Float[Array, "values columns"]], list[TestedMean]]
-"""Returns the tested mean of every column."""
 
 
 class Summary(NamedTuple):
@@ -80,6 +76,12 @@ class PairEvidence(NamedTuple):
         return BETTER if (self.difference.mean < 0.0) == self.measure.lower_is_better else WORSE
 
     @property
+    def is_shown_alone(self) -> bool:
+        """Whether the interval excludes 0, but Holm's correction leaves no difference shown."""
+        without = self.difference.low > 0.0 or self.difference.high < 0.0
+        return without and not self.p < 1.0 - CONFIDENCE
+
+    @property
     def reversed(self) -> PairEvidence:
         """The same comparison with the controllers exchanged."""
         d, ratio = self.difference, 1.0 + self.relative
@@ -112,10 +114,9 @@ class PairEvidence(NamedTuple):
             return f"{self.first} is better than {self.second} by {mean}{unit} [{low}, {high}]"
         if low == high == "0":
             return f"{self.first} and {self.second} have equal results"
-        return (
-            f"no difference shown between {self.first} and {self.second}: "
-            f"{mean}{unit} [{low}, {high}]"
-        )
+        text = f"no difference shown between {self.first} and {self.second}: {mean}{unit}"
+        alone = ", without 0 for this pair alone" if self.is_shown_alone else ""
+        return f"{text} [{low}, {high}]{alone}"
 
     def _sentence_without_interval(self, unit: str) -> str:
         """Return the sentence of too few repetitions for an interval, which show no difference."""
@@ -303,9 +304,8 @@ def _unadjusted(
     runs: RunTable, metric: str, rows: Bool[Array, " runs"] | None, always_valid: bool
 ) -> list[TaskEvidence]:
     """Return the evidence of every task with p-values that are not adjusted."""
-    test = _always_valid_means if always_valid else bootstrap_means
     measure = quantity(metric)
-    return [_of_task(each, measure, test) for each in repetition_means(runs, metric, rows)]
+    return [_of_task(each, measure, always_valid) for each in repetition_means(runs, metric, rows)]
 
 
 def _adjusted(family: list[TaskEvidence]) -> list[TaskEvidence]:
@@ -322,17 +322,21 @@ def _adjusted(family: list[TaskEvidence]) -> list[TaskEvidence]:
     ]
 
 
-def _of_task(grid: RepetitionMeans, measure: Quantity, test: Tester) -> TaskEvidence:
+def _of_task(grid: RepetitionMeans, measure: Quantity, always_valid: bool) -> TaskEvidence:
     means = grid.means
     columns = list(combinations(range(len(grid.controllers)), 2))
     differences = [grid.difference(late, early) for early, late in columns]
-    tested = test(np.column_stack([means, *differences]))
     count = len(grid.controllers)
+    stacked = np.column_stack([np.empty((len(means), 0)), *differences])
+    if always_valid:
+        own, tested = [each.estimate for each in _always_valid(means)], _always_valid(stacked)
+    else:
+        own, tested = mean_intervals(means), difference_tests(stacked)
     pairs = tuple(
         _pair(grid, measure, (late, early), each, values)
-        for (early, late), each, values in zip(columns, tested[count:], differences, strict=True)
+        for (early, late), each, values in zip(columns, tested, differences, strict=True)
     )
-    summaries = tuple(_summary(grid, measure, k, tested[k].estimate) for k in range(count))
+    summaries = tuple(_summary(grid, measure, k, own[k]) for k in range(count))
     return TaskEvidence(grid.task, measure, summaries, pairs)
 
 
@@ -375,7 +379,7 @@ def _pair(
     )  # fmt: skip
 
 
-def _always_valid_means(columns: Float[Array, "values columns"]) -> list[TestedMean]:
+def _always_valid(columns: Float[Array, "values columns"]) -> list[TestedMean]:
     """Return always valid intervals and p-values of all columns."""
     known = [values[np.isfinite(values)] for values in columns.T]
     return [TestedMean(always_valid_mean(values), always_valid_p(values)) for values in known]

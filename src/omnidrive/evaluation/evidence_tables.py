@@ -8,6 +8,7 @@ from math import inf, isfinite
 
 import pyarrow as pa
 
+from omnidrive.evaluation.confidence_sequence import MIN_ALWAYS_VALID
 from omnidrive.evaluation.evidence import (
     PairEvidence,
     StudyEvidence,
@@ -15,6 +16,7 @@ from omnidrive.evaluation.evidence import (
     TaskEvidence,
     signed_percent,
 )
+from omnidrive.evaluation.mean_test import needed_differences
 from omnidrive.evaluation.quantities import quantity
 from omnidrive.evaluation.run_table import RunTable, Task
 from omnidrive.evaluation.study_answer import (
@@ -48,7 +50,7 @@ def evidence_tables(study: StudyEvidence, metric: str | None = None) -> list[Tab
     """
     answers = study_answers(study, metric)
     tables = [
-        answer_table(answers),
+        answer_table(answers, _shortage(study, answers)),
         *_summary_tables(answers),
         _secondary_table(study, answers),
         _pair_table(study, answers),
@@ -59,8 +61,13 @@ def evidence_tables(study: StudyEvidence, metric: str | None = None) -> list[Tab
     return [table for table in tables if table.rows]
 
 
-def answer_table(answers: Sequence[TaskAnswer]) -> Table:
-    """Return the best controller of every task with its comparison to the next one."""
+def answer_table(answers: Sequence[TaskAnswer], remark: str = "") -> Table:
+    """Return the best controller of every task with its comparison to the next one.
+
+    Args:
+        answers: The answers.
+        remark: What follows the note of the table.
+    """
     rows = []
     for each in answers:
         best = each.evidence.best
@@ -74,7 +81,7 @@ def answer_table(answers: Sequence[TaskAnswer]) -> Table:
         ("task", "best", "quantity", "mean", "against the next"),
         tuple(rows),
         "Best: the controller with the best mean that is not shown to be worse than another in the "
-        "same runs, and those from which no difference is shown. " + INTERVAL_NOTE,
+        "same runs, and those from which no difference is shown. " + INTERVAL_NOTE + remark,
         keys=2,
         prose=True,
         lead=" ".join(each.lead for each in answers),
@@ -85,6 +92,25 @@ INTERVAL_NOTE = (
     "Brackets: 95 % confidence interval over the repetitions. p: Holm-corrected over the pairs of "
     "controllers."
 )
+
+
+def _shortage(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> str:
+    """Return the number of repetitions that a difference needs, if a task has fewer."""
+    pairs = max((len(each.evidence.pairs) for each in answers), default=0)
+    if not pairs:
+        return ""
+    count = max(p.difference.sample_size for each in answers for p in each.evidence.pairs)
+    needed = needed_differences(pairs)
+    if study.always_valid:
+        needed = max(needed, MIN_ALWAYS_VALID)
+    if count >= needed:
+        return ""
+    plural = "" if count == 1 else "s"
+    compared = "one pair" if pairs == 1 else f"{pairs} pairs"
+    return (
+        f" With {count} repetition{plural} no difference between runs that vary can be shown at "
+        f"5 %: {compared} of controllers need at least {needed}."
+    )
 
 
 def _summary_tables(answers: Sequence[TaskAnswer]) -> list[Table]:
@@ -191,10 +217,11 @@ def _pair_table(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> Table:
         ("task", "controllers", "quantity", "difference", "95 % interval", "p", "effect d",
          "first better", "relative", "pairs", "first is"),
         tuple(rows),
-        "First minus second controller under the same random numbers. Interval: studentised "
-        "bootstrap over the repetitions, separately for each pair. p and result: Holm-corrected "
-        "over the pairs of one task and quantity. Effect d: mean over standard deviation of the "
-        "differences. First better: share of the pairs of runs. Pairs: repetitions.",
+        "First minus second controller under the same random numbers. Interval: of each pair by "
+        "itself, over the repetitions. p and result: Holm-corrected over the pairs of one task and "
+        "quantity, so that an interval without 0 may stand beside “no difference shown”. Effect d: "
+        "mean over standard deviation of the differences. First better: share of the pairs of "
+        f"runs. Pairs: repetitions.{_shortage(study, answers)}",
         keys=3,
         is_detail=True,
     )  # fmt: skip

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omnidrive.evaluation.mean_test import difference_tests
 from omnidrive.evaluation.results import StudyResults, TrackResult
-from omnidrive.evaluation.uncertainty import CONFIDENCE, MeanEstimate, estimate_mean, holm, p_value
+from omnidrive.evaluation.uncertainty import CONFIDENCE, MeanEstimate, estimate_mean, holm
 from omnidrive.simulation import Outcome
 
 MEASURES = {"me_measured": "m", "mae_measured": "rad", "me": "m", "mae": "rad"}
@@ -105,12 +106,13 @@ def _family(pairs: list[tuple[RepeatedRuns, RepeatedRuns]], measure: str) -> lis
         ours, theirs = later.finished, earlier.finished
         both = sorted(ours.keys() & theirs.keys())
         if len(both) >= 2:
-            tested.append((earlier, later, _differences(ours, theirs, both, measure)))
-    adjusted = holm([p_value(differences) for _, _, differences in tested])
+            differences = _differences(ours, theirs, both, measure)
+            tested.append((earlier, later, difference_tests(differences[:, None])[0]))
+    adjusted = holm([each.p for _, _, each in tested])
     return [
         PairedDifference(later.duration, later.controller, earlier.controller, measure,
-                         estimate_mean(differences), p)
-        for (earlier, later, differences), p in zip(tested, adjusted, strict=True)
+                         each.estimate, p)
+        for (earlier, later, each), p in zip(tested, adjusted, strict=True)
     ]  # fmt: skip
 
 

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnidrive.evaluation.bootstrap import bootstrap_means
 from omnidrive.evaluation.evidence import (
     BETTER,
     WORSE,
@@ -20,6 +19,7 @@ from omnidrive.evaluation.evidence import (
     Summary,
     TaskEvidence,
 )
+from omnidrive.evaluation.mean_test import difference_tests
 from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
 from omnidrive.evaluation.quantities import quantity
 from omnidrive.evaluation.repetition_means import repetition_means
@@ -235,7 +235,7 @@ def _time_findings(runs: RunTable) -> list[tuple[str, str]]:
             found += [(metric, name, values) for name, values in zip(both, columns, strict=False)]
     if not found:
         return []
-    tested = bootstrap_means(np.column_stack([values for _, _, values in found]))
+    tested = difference_tests(np.column_stack([values for _, _, values in found]))
     known = [t for t in tested if isfinite(t.p)]
     adjusted = holm([t.p for t in known]) if len(known) == len(tested) else []
     results = []

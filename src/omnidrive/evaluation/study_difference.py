@@ -10,8 +10,8 @@ import pyarrow as pa
 from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.bootstrap import bootstrap_means
 from omnidrive.evaluation.evidence import NO_DIFFERENCE
+from omnidrive.evaluation.mean_test import difference_tests
 from omnidrive.evaluation.quantities import Quantity, quantity
 from omnidrive.evaluation.run_table import FACTOR_PREFIX, RunTable, Task
 from omnidrive.evaluation.table import RESOLUTION, Table, number_text
@@ -178,7 +178,7 @@ def _changes(
             if not chosen.any():
                 continue
             change = (second - first)[chosen]
-            tested = bootstrap_means(_by_repetition(change, runs.repetition[rows][chosen]))[0]
+            tested = difference_tests(_by_repetition(change, runs.repetition[rows][chosen]))[0]
             found.append(MetricChange(
                 task, name, quantity(metric), int(chosen.sum()), int((change == 0.0).sum()),
                 float(first[chosen].mean()), tested.estimate, tested.p,

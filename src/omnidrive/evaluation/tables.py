@@ -248,10 +248,10 @@ def paired_table(results: StudyResults) -> Table:
          "first is"),
         tuple(_paired_row(d) for d in sorted(differences, key=lambda d: order[_pair(d)])),
         "Error of the first minus error of the second controller for the same random numbers; "
-        "negative if the first is more accurate. Intervals: Student's t for the differences, "
-        "separately for each pair, without correction for the number of pairs. p and result: "
-        "paired t-test, Holm-corrected for the number of pairs, separately for each error; no "
-        "difference shown: p >= 0.05. Only seeds for which both runs finished count.",
+        "negative if the first is more accurate. Intervals: of each pair by itself. p and "
+        "result: Holm-corrected for the number of pairs, separately for each error, so that an "
+        "interval without 0 may stand beside “no difference shown” (p >= 0.05). Fewer than 6 seeds "
+        "show no difference and have no interval. Only seeds for which both runs finished count.",
         keys=3,
         is_detail=True,
     )  # fmt: skip
@@ -268,7 +268,7 @@ def _paired_row(d: PairedDifference) -> tuple[str, ...]:
         f"{d.duration:g} s",
         f"{MEASURE_LABELS[d.measure]}, m{MEASURES[d.measure]}",
         mean,
-        f"{low} to {high}",
+        f"{low} to {high}" if isfinite(d.difference.margin) else NO_VALUE,
         p_text(d.p).removeprefix("= "),
         str(d.difference.sample_size),
         d.verdict,

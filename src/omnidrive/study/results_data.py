@@ -195,8 +195,8 @@ def _paired_record(pair: PairedDifference) -> dict[str, Any]:
         "unit": MEASURES[pair.measure],
         "seeds": count,
         "mean": mean,
-        "low": low,
-        "high": high,
+        "low": low if isfinite(low) else None,
+        "high": high if isfinite(high) else None,
         "p": pair.p,
         "verdict": pair.verdict,
     }

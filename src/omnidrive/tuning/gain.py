@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from omnidrive.evaluation.bootstrap import bootstrap_means
+from omnidrive.evaluation.mean_test import difference_tests
 from omnidrive.evaluation.quantities import QUANTITIES
 from omnidrive.evaluation.uncertainty import MeanEstimate
 from omnidrive.study.run_record import RunRecord
@@ -135,7 +135,7 @@ def _gain(
     values = np.array(
         [[value([pair[side] for pair in chosen]) for side in (0, 1)] for chosen in groups.values()]
     )
-    (tested,) = bootstrap_means((values[:, 1] - values[:, 0])[:, None])
+    (tested,) = difference_tests((values[:, 1] - values[:, 0])[:, None])
     before, after = values.mean(axis=0).tolist()
     return Gain(label, before, after, tested.estimate, tested.p)
 

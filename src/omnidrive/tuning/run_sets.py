@@ -19,7 +19,7 @@ from omnidrive.study import (
 from omnidrive.study.scenario_file import scenario_data
 
 TRAINING_REPETITIONS, HELD_OUT_REPETITIONS = 2, 12
-"""Repetitions of the sets that :func:`default_sets` returns; bootstrap needs 10."""
+"""Repetitions of the sets that :func:`default_sets` returns; a difference needs 6."""
 
 _SHAPES = ("circle", "eight", "square")
 """References to which the reference of training does not belong are held out."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -58,7 +59,8 @@ def _matrix(axes: Axes, names: list[str], found: list[PairedDifference]) -> None
             "color": DARK,
         }
         axes.text(column, row - 0.14, mean, fontweight="bold", **style)
-        axes.text(column, row + 0.18, f"± {margin}", **style)
+        if isfinite(d.difference.margin):
+            axes.text(column, row + 0.18, f"± {margin}", **style)
     axes.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5))
     axes.set_xticks(range(len(columns)), columns, rotation=30, ha="right", rotation_mode="anchor")
     axes.set_yticks(range(len(rows)), rows)
