@@ -17,7 +17,7 @@ from omnidrive.fuzzy.files.fis.parser import (
     VariableEntry,
     parse,
 )
-from omnidrive.fuzzy.membership import SHAPES, Membership
+from omnidrive.fuzzy.membership import MATLAB_SHAPES, SHAPES, Membership
 from omnidrive.fuzzy.position import LocatedText, malformed
 from omnidrive.fuzzy.rules import And, Hedge, Is, Or, Rule
 from omnidrive.fuzzy.system import FuzzySystem
@@ -57,7 +57,6 @@ AGGREGATIONS = {**DISJUNCTIONS, "sum": "sum"}
 MAMDANI_DEFUZZIFIERS = {each: each for each in ("centroid", "bisector", "mom", "som", "lom")}
 SUGENO_DEFUZZIFIERS = {each: each for each in ("wtaver", "wtsum")}
 TYPE_REDUCTIONS = {"karnikmendel": "km", "ekm": "ekm", "iasc": "iasc", "eiasc": "eiasc"}
-SHAPE_NAMES = tuple(each for each in SHAPES if each != "pointsmf")
 
 _HEDGES: dict[str, tuple[Hedge, ...]] = {
     "": (),
@@ -160,7 +159,7 @@ def _choice(
 
 def _check_sets(variable: VariableEntry, are_functions: bool) -> None:
     """Check the shapes and the names of a variable's sets."""
-    known = ("constant", "linear") if are_functions else SHAPE_NAMES
+    known = ("constant", "linear") if are_functions else MATLAB_SHAPES
     what = "function of a Sugeno output" if are_functions else "membership function"
     names: set[str] = set()
     for each in variable.sets:

@@ -94,6 +94,7 @@ def _function(function: LinearFunction) -> Iterator[str]:
 
 def _shape(name: str, function: Membership) -> Iterator[str]:
     """Yield the lines of a shape; ``name`` is that of the set, for messages."""
+    function = function.forward
     p = function.parameters
     if function.shape == "pointsmf":
         yield '<pointSetShape interpolationMethod="linear">'
