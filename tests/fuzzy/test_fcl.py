@@ -14,6 +14,7 @@ from omnidrive.fuzzy.rules import And, Is, Or
 from omnidrive.fuzzy.variables import Footprint, FuzzySet, LinearFunction
 from tests.examples import examples
 from tests.fuzzy.mutations import mutated
+from tests.fuzzy.test_fcl_dialect import GROUPS, LINEAR
 from tests.fuzzy.systems import IDENTIFIERS, systems
 
 IEC = """\
@@ -357,12 +358,14 @@ def test_write_errors():
 
 PIECES = [
     *("nan", "inf", "-", "1e999", "(", ")", ";", ":=", "..", "(*", "*)", "//", "#", "\n", "\0"),
+    *("FUNCTION ", "SINGLETONS ", "COSINE 1 2", "NOT (", "^", "*", "/ 0", "LN("),
     *("AND", "OR", "NOT", "any", "very", "ACCU : MAX;", "RANGE := (0 .. 0);", "END_RULEBLOCK"),
 ]
 
 
+@pytest.mark.filterwarnings("ignore:only the first FUNCTION_BLOCK")
 @examples(120)
-@given(mutated([IEC, FUZZYLITE, SINGLETONS], PIECES) | st.text())
+@given(mutated([IEC, FUZZYLITE, SINGLETONS, LINEAR, GROUPS], PIECES) | st.text())
 def test_mutated_text_is_read_or_refused(text):
     try:
         system = read_fcl(text)

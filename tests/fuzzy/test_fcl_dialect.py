@@ -108,7 +108,7 @@ def test_constants_and_variables_as_terms():
         ("1 / x", "'/' makes this function nonlinear"),
         ("x ^ 2", "'\\^' makes this function nonlinear"),
         ("x % 2", "'%' makes this function nonlinear"),
-        ("(x * 3.0) + 5 * SIN(x)", "line 14, column 36: .*'SIN' makes this function nonlinear"),
+        ("(x * 3.0) + 5 * SIN(x)", "line 14, column 38: .*'SIN' makes this function nonlinear"),
         ("x / 0", "division by 0"),
         ("x / (1 - 1)", "division by 0"),
         ("LN(0)", "'LN' has no finite value"),
@@ -175,7 +175,7 @@ def test_negated_groups_need_dual_operators():
     ):
         system = read_fcl(text.replace("AND : MIN", f"AND : {conjunction}"))
         assert system.disjunction == disjunction
-    with pytest.raises(InvalidFuzzyFile, match="line 14, column 18: NOT before a group needs an"):
+    with pytest.raises(InvalidFuzzyFile, match="line 15, column 18: NOT before a group needs an"):
         read_fcl(text.replace("AND : MIN", "AND : HAMACHER"))
     with pytest.raises(InvalidFuzzyFile, match="nested more than"):
         read_fcl(GROUPS.replace("CONDITION", "NOT (" * 100 + "a IS hot" + ")" * 100))
