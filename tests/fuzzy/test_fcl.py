@@ -14,8 +14,8 @@ from omnidrive.fuzzy.rules import And, Is, Or
 from omnidrive.fuzzy.variables import Footprint, FuzzySet, LinearFunction
 from tests.examples import examples
 from tests.fuzzy.mutations import mutated
-from tests.fuzzy.test_fcl_dialect import GROUPS, LINEAR
 from tests.fuzzy.systems import IDENTIFIERS, systems
+from tests.fuzzy.test_fcl_dialect import GROUPS, LINEAR
 
 IEC = """\
 (* a heater,
@@ -300,7 +300,7 @@ def as_fuzzylite_reads(system):
         ("room IS cold", "roam IS cold", "line 35, column 14", "'room'"),
         ("power IS high", "power IS NOT high", "line 35, column 14", "consequent"),
         ("WITH 0.5", "WITH 1.5", "line 37", "[0, 1]"),
-        ("END_FUNCTION_BLOCK", "END_FUNCTION_BLOCK FUNCTION_BLOCK b", "line 39", "got the end"),
+        ("END_FUNCTION_BLOCK", "END_FUNCTION_BLOCK FUNCTION_BLOCK b", "line 40", "got the end"),
         ("RULEBLOCK No1", "RULEBLOCK No1 ENABLED : FALSE;", "line 31", "not enabled"),
     ],
 )
