@@ -23,21 +23,23 @@ def _trapezoid(x, a, b, c, d):
 
 def _s(x, a, b):
     """Matlab's smf, case by case."""
-    if a == b:
-        return np.where(x >= a, 1.0, 0.0)
+    if a >= b:
+        return np.where(x >= (a + b) / 2, 1.0, 0.0)
     below, above = 2 * ((x - a) / (b - a)) ** 2, 1 - 2 * ((x - b) / (b - a)) ** 2
     return np.select([x <= a, x <= (a + b) / 2, x <= b], [0.0, below, above], 1.0)
 
 
 def _z(x, a, b):
     """Matlab's zmf, case by case."""
-    if a == b:
-        return np.where(x <= a, 1.0, 0.0)
+    if a >= b:
+        return np.where(x <= (a + b) / 2, 1.0, 0.0)
     above, below = 1 - 2 * ((x - a) / (b - a)) ** 2, 2 * ((x - b) / (b - a)) ** 2
     return np.select([x <= a, x <= (a + b) / 2, x <= b], [1.0, above, below], 0.0)
 
 
 def _gauss(x, s, c):
+    if s == 0:
+        return np.where(x == c, 1.0, 0.0)
     return np.exp(-((x - c) ** 2) / (2 * s**2))
 
 
@@ -85,6 +87,9 @@ FORMULAS = {
     "sigmf": _sig,
     "dsigmf": lambda x, a, c, b, d: np.abs(_sig(x, a, c) - _sig(x, b, d)),
     "psigmf": lambda x, a, c, b, d: _sig(x, a, c) * _sig(x, b, d),
+    "cosinemf": lambda x, a, c: np.where(
+        np.abs(x - c) <= a, (1 + np.cos(np.pi * (x - c) / (a or 1.0))) / 2, 0.0
+    ),
     "pointsmf": _points,
 }
 """Formulas of Matlab's documentation; arguments (x, *parameters)."""
@@ -106,9 +111,12 @@ def peak(function):
     if shape == "pointsmf":
         tops = [x for x, y in zip(p[::2], p[1::2], strict=True) if y == max(p[1::2])]
         return (tops[0] + tops[-1]) / 2
-    return {"trimf": lambda: p[1], "gaussmf": lambda: p[1], "gbellmf": lambda: p[2]}.get(
-        shape, lambda: (p[1] + p[2]) / 2 if shape in {"trapmf", "pimf"} else (p[1] + p[3]) / 2
-    )()
+    return {
+        "trimf": lambda: p[1],
+        "gaussmf": lambda: p[1],
+        "cosinemf": lambda: p[1],
+        "gbellmf": lambda: p[2],
+    }.get(shape, lambda: (p[1] + p[2]) / 2 if shape in {"trapmf", "pimf"} else (p[1] + p[3]) / 2)()
 
 
 def bounds(each, x, z_slice=None):

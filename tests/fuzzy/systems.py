@@ -6,7 +6,7 @@ import random
 from hypothesis import strategies as st
 
 from omnidrive.choices import ALGORITHMS
-from omnidrive.fuzzy.membership import SHAPES, Membership
+from omnidrive.fuzzy.membership import SHAPES, SMOOTH, TRAPEZOID, Membership
 from omnidrive.fuzzy.norms import AGGREGATIONS, CONORMS, IMPLICATIONS, NORMS
 from omnidrive.fuzzy.rule_text import RESERVED, normalised
 from omnidrive.fuzzy.rules import HEDGES, And, Is, Or, Rule
@@ -77,14 +77,14 @@ def memberships(draw, low=-1.0, high=1.0, shapes=tuple(SHAPES)):
         x = positions(draw(st.integers(1, 5)))
         degrees = [draw(st.floats(0.0, 1.0)) for _ in x]
         return Membership(shape, tuple(v for pair in zip(x, degrees, strict=True) for v in pair))
-    if SHAPES[shape].ascending:
+    if SHAPES[shape].kernel in {TRAPEZOID, SMOOTH}:
         p = positions(len(SHAPES[shape].parameters))
         if p[-1] - p[0] < 0.01 * width:
             p[-1] = p[0] + draw(st.floats(0.1, 1.0)) * width
         return Membership(shape, tuple(p))
     if shape == "gbellmf":
         p = (positive(0.05, 1.0) * width, positive(0.5, 4.0), positions(1)[0])
-    elif "gauss" in shape:
+    elif "gauss" in shape or shape == "cosinemf":
         centres = positions(len(SHAPES[shape].parameters) // 2)
         p = tuple(v for c in centres for v in (positive(0.05, 1.0) * width, c))
     else:
@@ -100,7 +100,7 @@ def lower_functions(draw, upper):
     t, p = draw(st.floats(0.1, 0.9)), upper.parameters
     if upper.shape == "pointsmf":
         return Membership("pointsmf", tuple(v * t if k % 2 else v for k, v in enumerate(p)))
-    if upper.shape in {"gaussmf", "gauss2mf"}:
+    if upper.shape in {"gaussmf", "gauss2mf", "cosinemf"}:
         return Membership(upper.shape, tuple(v if k % 2 else v * t for k, v in enumerate(p)))
     if upper.shape in {"smf", "linsmf"}:
         return Membership(upper.shape, (min(p[0] + t * (p[1] - p[0]), p[1]), p[1]))

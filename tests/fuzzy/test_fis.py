@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from omnidrive.errors import CannotWrite, InvalidFuzzyFile, InvalidInput
 from omnidrive.fuzzy.files import GapWarning, load, save
 from omnidrive.fuzzy.files.fis import read_fis, write_fis
-from omnidrive.fuzzy.membership import SHAPES, Membership
+from omnidrive.fuzzy.membership import MATLAB_SHAPES, Membership
 from omnidrive.fuzzy.rules import And, Is, Or, Rule
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import (
@@ -30,7 +30,7 @@ from tests.shared_data import shared
 
 MATLAB_SYSTEMS = {
     "types": (1, 2),
-    "shapes": tuple(s for s in SHAPES if s != "pointsmf"),
+    "shapes": MATLAB_SHAPES,
     "free_lower": False,
     "conjunctions": ("min", "prod"),
     "disjunctions": ("max", "probor"),
@@ -326,8 +326,9 @@ def test_redundant_groups_are_written():
         ),
         ("'smf',[5 25]", "'pointsmf',[5 0]", 26, 11, "no membership function 'pointsmf'"),
         ("'smf',[5 25]", "'constant',[5]", 26, 11, "no membership function 'constant'"),
-        ("'smf',[5 25]", "'smf',[25 5]", 26, 1, "smf [25 5]: needs a <= b"),
-        ("'smf',[5 25]", "'smf',[5 25 0]", 26, 1, "needs 2 parameters (a, b), got 3"),
+        ("'smf',[5 25]", "'linsmf',[25 5]", 26, 1, "linsmf [25 5]: needs a <= b"),
+        ("'smf',[5 25]", "'smf',[5 25 0 1]", 26, 1, "needs 2 parameters (a, b), got 4"),
+        ("'smf',[5 25]", "'smf',[5]", 26, 1, "needs 2 parameters (a, b), got 1"),
         ("'smf',[5 25]", "'smf' [5 25]", 26, 17, "expected ',' after the function, got '[5 25]'"),
         ("'smf',[5 25]", "'smf',[5 25],[1 2]", 26, 24, "expected LowerScale: one number, got 2"),
         ("'smf',[5 25]", "'smf',[5 25],2", 26, 1, "footprint's scale must lie in [0, 1], got 2"),

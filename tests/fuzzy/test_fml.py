@@ -180,7 +180,7 @@ def propositions(rule):
         ('name="fine"', 'name="cold"', "line 4, column 5", "'cold' is there twice"),
         ('complement="True"', 'complement="2"', "line 7, column 7", "true or false"),
         ("gaussianShape", "customShape", "line 6, column 30", "customShape"),
-        ("gaussianShape", "singletonShape", "line 6, column 30", "singletonShape"),
+        ("gaussianShape", "circularShape", "line 6, column 30", "circularShape"),
         ('param2="18"', 'param2="4"', "line 5, column 49", "a <= b"),
         ('param2="18"', "", "line 5, column 49", "param2"),
         ('param2="18"', 'param2="18" param3="4"', "line 5, column 49", "param3"),

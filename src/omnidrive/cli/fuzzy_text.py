@@ -58,7 +58,7 @@ def variable_lines(system: FuzzySystem) -> list[str]:
             lines += ["", f"output {variable.name} in {span}, {', '.join(operators)}"]
         else:
             lines += ["", f"input {variable.name} in {span}"]
-        width = min(max(len(each.name) for each in variable.sets), 20)
+        width = min(max((len(each.name) for each in variable.sets), default=0), 20)
         lines += [
             f"  {each.name:<{width}}  {_description(each, system)}"
             for each in variable.sets[:_SETS]

@@ -12,11 +12,19 @@ from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.compilation import z_slices
 from omnidrive.fuzzy.consequents import Consequent, Consequents, consequents_of, max_strengths
 from omnidrive.fuzzy.inference import FiredRule, Inference
-from omnidrive.fuzzy.norms import AGGREGATIONS
-from omnidrive.fuzzy.sampled import MAX, aggregate_max, aggregate_rules, samples_of
+from omnidrive.fuzzy.sampled import aggregate_bound, aggregate_max, samples_of
 from omnidrive.fuzzy.segment_centroid import aggregate_segments
 from omnidrive.fuzzy.segments import segments_of
 from omnidrive.fuzzy.sets import FULL_FOOTPRINT, ZSlice
+from omnidrive.fuzzy.spikes import (
+    Spikes,
+    aggregate_spikes,
+    only_spikes,
+    points_in,
+    spikes_of,
+    with_spikes,
+)
+from omnidrive.fuzzy.variables import OutputVariable
 
 
 class AggregatedOutput(NamedTuple):
@@ -56,16 +64,9 @@ def aggregated_outputs(inference: Inference, *inputs: float) -> tuple[Aggregated
     strengths = _strengths(inference, inputs)
     heights = np.empty((2, sum(map(len, consequents))))
     max_strengths(c, strengths, heights)
-    if options.centroid == "exact":
-        curves = [
-            _exact_curves(inference, c, consequents, heights[bound], z_slice, of_lower=bound == 0)
-            for bound in (0, 1)
-        ]
-    else:
-        curves = [
-            _sampled_curves(inference, c, consequents, strengths, heights, z_slice=z_slice, bound=b)
-            for b in (0, 1)
-        ]
+    fired = _Fired(c, consequents, strengths, heights, spikes_of(system, consequents, z_slice))
+    curves_of = _exact_curves if options.centroid == "exact" else _sampled_curves
+    curves = [curves_of(inference, fired, z_slice, bound) for bound in (0, 1)]
     return tuple(map(AggregatedOutput, *curves))
 
 
@@ -112,60 +113,73 @@ def _clips(inference: Inference) -> bool:
     return inference.system.implication == "min"
 
 
+class _Fired(NamedTuple):
+    """Consequents of a system and the strengths with which its rules fire."""
+
+    c: Consequents
+    consequents: tuple[tuple[Consequent, ...], ...]
+    strengths: Float[Array, "2 rules"]
+    heights: Float[Array, "2 consequents"]
+    spikes: Spikes
+
+    def add_spikes(
+        self, polyline: Float[Array, "4 pieces"], output: int, bound: int
+    ) -> Float[Array, "4 pieces"]:
+        """Return the polyline of an output with the isolated points of its singletons."""
+        if len(self.spikes.at) == 0:
+            return polyline
+        degrees = aggregate_spikes(self.spikes, self.c, output, self.strengths, self.heights)
+        return with_spikes(polyline, points_in(self.spikes, self.c, output), degrees[bound])
+
+
 def _exact_curves(
-    inference: Inference,
-    c: Consequents,
-    consequents: tuple[tuple[Consequent, ...], ...],
-    heights: Float[Array, " consequents"],
-    z_slice: ZSlice,
-    *,
-    of_lower: bool,
+    inference: Inference, fired: _Fired, z_slice: ZSlice, bound: int
 ) -> list[Float[Array, "2 points"]]:
-    """Return the exact polyline of each output, lower or upper, from the heights of that bound."""
-    system = inference.system
-    segments = segments_of(system, consequents, z_slice, of_lower=of_lower and system.type > 1)
+    """Return the exact polyline of each output; ``bound`` 0: lower, 1: upper."""
+    system, c = inference.system, fired.c
+    of_lower = bound == 0 and system.type > 1
+    segments = segments_of(system, fired.consequents, z_slice, of_lower=of_lower)
     curves = []
     for o, output in enumerate(system.outputs):
-        first, last = c.first[o], c.first[o + 1]
-        left, right, y0, y1 = aggregate_segments(
-            segments, o, _clips(inference), heights[first:last]
-        )
-        # one row per piece, and one for the end of the range: the end of the previous piece and the
-        # start of this one at degree 0, unless they touch, then the start and end of this one
-        starts, ends = np.r_[left, output.high], np.r_[output.low, right]
-        zero = np.zeros_like(starts)
-        x = np.column_stack([ends, starts, starts, np.r_[right, output.high]])
-        y = np.column_stack([zero, zero, np.r_[y0, 0.0], np.r_[y1, 0.0]])
-        touching = ends >= starts - 1e-12 * (output.high - output.low)
-        shown = np.ones_like(x, dtype=bool)
-        shown[:, :2] = ~touching[:, None]
-        curves.append(np.array([x[shown], y[shown]]))
+        heights = fired.heights[bound, c.first[o] : c.first[o + 1]]
+        polyline = aggregate_segments(segments, o, _clips(inference), heights)
+        curves.append(_curve(fired.add_spikes(polyline, o, bound), output))
     return curves
 
 
+def _curve(polyline: Float[Array, "4 pieces"], output: OutputVariable) -> Float[Array, "2 points"]:
+    """Return the corners of a polyline over the whole range of an output."""
+    left, right, y0, y1 = polyline
+    # one row per piece, and one for the end of the range: the end of the previous piece and the
+    # start of this one at degree 0, unless they touch, then the start and end of this one
+    starts, ends = np.r_[left, output.high], np.r_[output.low, right]
+    zero = np.zeros_like(starts)
+    x = np.column_stack([ends, starts, starts, np.r_[right, output.high]])
+    y = np.column_stack([zero, zero, np.r_[y0, 0.0], np.r_[y1, 0.0]])
+    touching = ends >= starts - 1e-12 * (output.high - output.low)
+    shown = np.ones_like(x, dtype=bool)
+    shown[:, :2] = ~touching[:, None]
+    return np.array([x[shown], y[shown]])
+
+
 def _sampled_curves(
-    inference: Inference,
-    c: Consequents,
-    consequents: tuple[tuple[Consequent, ...], ...],
-    strengths: Float[Array, "2 rules"],
-    heights: Float[Array, "2 consequents"],
-    *,
-    z_slice: ZSlice,
-    bound: int,
+    inference: Inference, fired: _Fired, z_slice: ZSlice, bound: int
 ) -> list[Float[Array, "2 points"]]:
-    """Return the polyline of each output through its samples; ``bound`` 0: lower, 1: upper."""
-    system, count = inference.system, inference.options.samples
-    samples = samples_of(system, consequents, count, z_slice)
+    """Return the polyline of each output through its samples; ``bound`` 0: lower, 1: upper.
+
+    Singletons that fire alone, which may lie between samples, are shown at their points.
+    """
+    system, count, c = inference.system, inference.options.samples, fired.c
+    samples = samples_of(system, fired.consequents, count, z_slice)
     at = samples.at.reshape(-1, count)
     degrees = samples.degrees.reshape(2, -1)[bound]
+    strengths, heights = fired.strengths[bound], fired.heights[bound]
     curves = []
     for o, output in enumerate(system.outputs):
-        first, last = c.first[o], c.first[o + 1]
+        if only_spikes(fired.spikes, fired.heights[1], c.first[o], c.first[o + 1]):
+            curves.append(_curve(fired.add_spikes(np.empty((4, 0)), o, bound), output))
+            continue
         aggregated = np.empty(count)
-        if AGGREGATIONS[output.aggregation] == MAX:
-            own = degrees[first * count : last * count]
-            aggregate_max(heights[bound, first:last], own, _clips(inference), aggregated)
-        else:
-            aggregate_rules(c, o, strengths[bound], degrees, aggregated)
+        aggregate_bound(c, o, strengths, heights, degrees, aggregated)
         curves.append(np.array([at[o], aggregated]))
     return curves

@@ -16,6 +16,7 @@ from omnidrive.fuzzy.sampled import samples_of
 from omnidrive.fuzzy.segment_centroid import aggregate_segments, centroid_interval
 from omnidrive.fuzzy.segments import segments_of
 from omnidrive.fuzzy.sets import FULL_FOOTPRINT, ZSlice
+from omnidrive.fuzzy.spikes import Spikes
 from omnidrive.fuzzy.system import FuzzySystem
 
 
@@ -34,17 +35,24 @@ def centroids_of(
     system: FuzzySystem,
     consequents: tuple[tuple[Consequent, ...], ...],
     samples: int | None,
+    spikes: Spikes,
     z_slice: ZSlice = FULL_FOOTPRINT,
 ) -> Centroids:
     """Return the centroid interval of every consequent.
 
     The intervals are exact if ``samples`` is None, otherwise computed on that number of samples.
+    That of a consequent without area follows from its isolated points, ``spikes``; without such
+    points, it is the range.
     """
     pairs = (
-        _exact(system, consequents, z_slice)
+        _exact(system, consequents, spikes, z_slice)
         if samples is None
         else _sampled(system, consequents, samples, z_slice)
     )
+    owners = [(output, k) for output, own in enumerate(pairs) for k in range(len(own))]
+    for number in np.flatnonzero(spikes.has_area == 0).tolist():
+        output, k = owners[number]
+        pairs[output][k] = _spikes_interval(system, spikes, output, number)
     columns: list[Array] = []
     for side in range(2):
         ends = [np.array([pair[side] for pair in own]) for own in pairs]
@@ -57,15 +65,33 @@ def centroids_of(
 _Pairs = list[list[tuple[float, float]]]
 
 
+def _spikes_interval(
+    system: FuzzySystem, spikes: Spikes, output: int, number: int
+) -> tuple[float, float]:
+    count = len(spikes.at) // len(system.outputs)
+    lower, upper = spikes.degrees.reshape(2, len(spikes.has_area), count)[:, number]
+    if not upper.any():
+        return system.outputs[output].low, system.outputs[output].high
+    return type_reduce(KM, spikes.at[output * count : (output + 1) * count], lower, upper)
+
+
 def _exact(
-    system: FuzzySystem, consequents: tuple[tuple[Consequent, ...], ...], z_slice: ZSlice
+    system: FuzzySystem,
+    consequents: tuple[tuple[Consequent, ...], ...],
+    spikes: Spikes,
+    z_slice: ZSlice,
 ) -> _Pairs:
     upper = segments_of(system, consequents, z_slice)
     lower = segments_of(system, consequents, z_slice, of_lower=True)
     pairs: _Pairs = []
+    number = -1
     for output, own in enumerate(consequents):
         pairs.append([])
         for k in range(len(own)):
+            number += 1
+            if not spikes.has_area[number]:
+                pairs[-1].append((0.0, 0.0))  # replaced by the caller
+                continue
             alone = np.zeros(len(own))
             alone[k] = 1.0
             functions = [

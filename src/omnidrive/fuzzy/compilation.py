@@ -26,6 +26,7 @@ from omnidrive.fuzzy.packed_arrays import PackedArrays, pack
 from omnidrive.fuzzy.sampled import samples_of
 from omnidrive.fuzzy.segments import reason_not_exact, segments_of
 from omnidrive.fuzzy.sets import FULL_FOOTPRINT, ZSlice, flatten_sets
+from omnidrive.fuzzy.spikes import NO_SPIKES, spikes_of
 from omnidrive.fuzzy.sugeno import flatten_functions
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.system_arrays import Header, arrays_of
@@ -97,12 +98,13 @@ def z_slices(count: int) -> list[ZSlice]:
 def _pack_slice(system: FuzzySystem, options: InferenceOptions, z_slice: ZSlice) -> PackedArrays:
     flat_consequents, consequents = consequents_of(system)
     arrays: tuple[tuple[Array, ...], ...]
+    spikes = NO_SPIKES if system.is_sugeno else spikes_of(system, consequents, z_slice)
     if system.is_sugeno:
         method, arrays = SUGENO, (flatten_functions(system, consequents),)
     elif options.reduction == "cos":
         samples = None if options.centroid == "exact" else options.samples
         method = CENTRE_OF_SETS
-        arrays = (centroids_of(system, consequents, samples, z_slice),)
+        arrays = (centroids_of(system, consequents, samples, spikes, z_slice),)
     elif options.centroid == "exact":
         upper = segments_of(system, consequents, z_slice)
         lower = (
@@ -128,4 +130,4 @@ def _pack_slice(system: FuzzySystem, options: InferenceOptions, z_slice: ZSlice)
         ),
     )
     sets = flatten_sets([variable.sets for variable in system.inputs], z_slice)
-    return pack(arrays_of(header, sets, antecedents_of(system), flat_consequents, *arrays))
+    return pack(arrays_of(header, sets, antecedents_of(system), flat_consequents, spikes, *arrays))

@@ -16,15 +16,22 @@ from omnidrive.fuzzy.consequents import max_strengths, sum_strengths
 from omnidrive.fuzzy.packed_arrays import PackedArrays, floats_of, integers_of
 from omnidrive.fuzzy.reduction import type_reduce
 from omnidrive.fuzzy.sampled import (
-    MAX,
+    BISECTOR,
+    CENTROID,
     MIN,
     WTSUM,
-    aggregate_max,
-    aggregate_rules,
+    aggregate_bound,
     defuzzify_samples,
 )
 from omnidrive.fuzzy.segment_centroid import aggregate_segments, centroid_interval, defuzzify_exact
 from omnidrive.fuzzy.sets import fuzzify
+from omnidrive.fuzzy.spikes import (
+    aggregate_spikes,
+    defuzzify_spikes,
+    only_spikes,
+    points_in,
+    with_spikes,
+)
 from omnidrive.fuzzy.sugeno import FlatFunctions, sugeno_interval
 from omnidrive.fuzzy.system_arrays import (
     ALGORITHM,
@@ -48,6 +55,7 @@ from omnidrive.fuzzy.system_arrays import (
     samples_in,
     segments_in,
     sets_in,
+    spikes_in,
     workspace_in,
     workspace_size,
 )
@@ -127,21 +135,19 @@ def _infer_sampled(
 ) -> None:
     """Fill in least and greatest of every output on samples; nan if no rule fires for it."""
     c, s, options = consequents_in(p), samples_in(p), integers_of(p, OPTIONS)
-    clips, uncertain, count = c.implication[0] == MIN, options[UNCERTAIN] == 1, options[POINT_COUNT]
-    consequents, heights, points = c.first[-1], workspace.heights, workspace.points
+    uncertain, count, spikes = options[UNCERTAIN] == 1, options[POINT_COUNT], spikes_in(p)
+    size, heights, points = c.first[-1] * count, workspace.heights, workspace.points
     max_strengths(c, workspace.strengths, heights)
     for o in range(results.shape[1]):
-        first, last = c.first[o], c.first[o + 1]
-        for bound in range(0 if uncertain else 1, 2):
-            degrees = unsafe_slice(
-                s.degrees, bound * consequents * count, (bound + 1) * consequents * count
+        if only_spikes(spikes, heights[1], c.first[o], c.first[o + 1]):
+            results[1, o], results[2, o] = defuzzify_spikes(
+                spikes, c, o, uncertain, options[ALGORITHM], workspace.strengths, heights
             )
-            aggregated = points[bound]
-            if c.aggregations[o] == MAX:
-                own = unsafe_slice(degrees, first * count, last * count)
-                aggregate_max(unsafe_slice(heights[bound], first, last), own, clips, aggregated)
-            else:
-                aggregate_rules(c, o, workspace.strengths[bound], degrees, aggregated)
+            continue
+        for bound in range(0 if uncertain else 1, 2):
+            degrees = unsafe_slice(s.degrees, bound * size, (bound + 1) * size)
+            strengths = workspace.strengths[bound]
+            aggregate_bound(c, o, strengths, heights[bound], degrees, points[bound])
         at = unsafe_slice(s.at, o * count, (o + 1) * count)
         if uncertain:
             results[1, o], results[2, o] = type_reduce(options[ALGORITHM], at, points[0], points[1])
@@ -154,10 +160,16 @@ def _infer_exact(p: PackedArrays, workspace: Workspace, results: Float[Array, "3
     """Fill in least and greatest of every output on polylines; nan if no rule fires for it."""
     c, options, heights = consequents_in(p), integers_of(p, OPTIONS), workspace.heights
     ordered, corners = integers_of(p, TRAPEZOIDS), floats_of(p, TRAPEZOIDS + 1)
-    clips = c.implication[0] == MIN
+    clips, spikes = c.implication[0] == MIN, spikes_in(p)
     max_strengths(c, workspace.strengths, heights)
     for o in range(results.shape[1]):
         first, last = c.first[o], c.first[o + 1]
+        if only_spikes(spikes, heights[1], first, last):
+            results[1, o], results[2, o] = defuzzify_spikes(
+                spikes, c, o, options[UNCERTAIN] == 1, options[ALGORITHM], workspace.strengths,
+                heights,
+            )  # fmt: skip
+            continue
         if ordered[o] == 1:
             results[1, o] = results[2, o] = trapezoid_centroid(
                 corners, first, unsafe_slice(heights[1], first, last)
@@ -174,6 +186,9 @@ def _infer_exact(p: PackedArrays, workspace: Workspace, results: Float[Array, "3
             )
             results[1, o], results[2, o] = centroid_interval(options[ALGORITHM], low, high)
         else:
+            if len(spikes.at) > 0 and c.defuzzifiers[o] not in (CENTROID, BISECTOR):
+                degrees = aggregate_spikes(spikes, c, o, workspace.strengths, heights)[1]
+                high = with_spikes(high, points_in(spikes, c, o), degrees)
             results[1, o] = results[2, o] = defuzzify_exact(c.defuzzifiers[o], high)
 
 

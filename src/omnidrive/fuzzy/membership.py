@@ -1,11 +1,11 @@
-"""Membership functions: Matlab's shapes, and polylines through given points."""
+"""Membership functions: Matlab's shapes, raised cosines, and polylines through given points."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from math import exp, inf, isfinite
+from itertools import groupby, pairwise
+from math import cos, exp, inf, isfinite, pi
 from typing import NamedTuple, overload
 
 import numpy as np
@@ -16,7 +16,9 @@ from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.checks import check_numbers
 
-TRAPEZOID, SMOOTH, GAUSS, BELL, SIGMOID_DIFFERENCE, SIGMOID_PRODUCT, POINTS = range(7)
+TRAPEZOID, SMOOTH, GAUSS, BELL, SIGMOID_DIFFERENCE, SIGMOID_PRODUCT, POINTS, COSINE = range(8)
+
+_NARROW = 1e-300  # stands for a width of 0 in a quotient
 
 
 class Shape(NamedTuple):
@@ -38,23 +40,40 @@ def _identity(a: float, b: float, c: float, d: float) -> tuple[float, float, flo
     return a, b, c, d
 
 
+def _step(a: float, b: float) -> tuple[float, float]:
+    """Return the ends of an S curve; a step in their middle if a >= b, as in Matlab."""
+    return (a, b) if a < b else (0.5 * (a + b), 0.5 * (a + b))
+
+
+def _gauss(s1: float, c1: float, s2: float, c2: float) -> tuple[float, float, float, float]:
+    return s1 or _NARROW, c1, s2 or _NARROW, c2
+
+
 SHAPES: dict[str, Shape] = {
     "trimf": Shape(("a", "b", "c"), True, (), TRAPEZOID, lambda a, b, c: (a, b, b, c)),
     "trapmf": Shape(("a", "b", "c", "d"), True, (), TRAPEZOID, _identity),
     "linzmf": Shape(("a", "b"), True, (), TRAPEZOID, lambda a, b: (-inf, -inf, a, b)),
     "linsmf": Shape(("a", "b"), True, (), TRAPEZOID, lambda a, b: (a, b, inf, inf)),
-    "zmf": Shape(("a", "b"), True, (), SMOOTH, lambda a, b: (-inf, -inf, a, b)),
-    "smf": Shape(("a", "b"), True, (), SMOOTH, lambda a, b: (a, b, inf, inf)),
-    "pimf": Shape(("a", "b", "c", "d"), True, (), SMOOTH, _identity),
-    "gaussmf": Shape(("sigma", "c"), False, (0,), GAUSS, lambda s, c: (s, c, s, c)),
-    "gauss2mf": Shape(("sigma1", "c1", "sigma2", "c2"), False, (0, 2), GAUSS, _identity),
+    "zmf": Shape(("a", "b"), False, (), SMOOTH, lambda a, b: (-inf, -inf, *_step(a, b))),
+    "smf": Shape(("a", "b"), False, (), SMOOTH, lambda a, b: (*_step(a, b), inf, inf)),
+    "pimf": Shape(
+        ("a", "b", "c", "d"), False, (), SMOOTH, lambda a, b, c, d: (*_step(a, b), *_step(c, d))
+    ),
+    "gaussmf": Shape(("sigma", "c"), False, (), GAUSS, lambda s, c: _gauss(s, c, s, c)),
+    "gauss2mf": Shape(("sigma1", "c1", "sigma2", "c2"), False, (), GAUSS, _gauss),
     "gbellmf": Shape(("a", "b", "c"), False, (0,), BELL, lambda a, b, c: (a, b, c, 0.0)),
     "sigmf": Shape(("a", "c"), False, (), SIGMOID_PRODUCT, lambda a, c: (a, c, 1.0, -inf)),
     "dsigmf": Shape(("a1", "c1", "a2", "c2"), False, (), SIGMOID_DIFFERENCE, _identity),
     "psigmf": Shape(("a1", "c1", "a2", "c2"), False, (), SIGMOID_PRODUCT, _identity),
+    "cosinemf": Shape(("a", "c"), False, (), COSINE, lambda a, c: (a or _NARROW, c, 0.0, 0.0)),
     "pointsmf": Shape((), True, (), POINTS, _identity),
 }
-"""Shapes by their names in Matlab; ``pointsmf`` (x1, y1, x2, y2, ...) is not one of Matlab's."""
+"""Shapes by their names in Matlab.
+
+Two are not Matlab's: ``pointsmf`` (x1, y1, x2, y2, ...) and ``cosinemf``, the raised cosine
+(1 + cos(pi (x - c)/a))/2 within a of c."""
+
+MATLAB_SHAPES = tuple(each for each in SHAPES if each not in {"pointsmf", "cosinemf"})
 
 MAX_POINTS = 10_000
 """Greatest number of points of a ``pointsmf``."""
@@ -65,7 +84,9 @@ class Membership:
     """A membership function: maps a number to its degree of membership, 0 to 1.
 
     The formulas are Matlab's (Fuzzy Logic Toolbox, "Foundations of Fuzzy Logic"). The degree at a
-    vertical side is 1.
+    vertical side is 1, so that a triangle, a trapezoid or a ``pimf`` without width is a fuzzy
+    singleton: 1 at one point and 0 elsewhere. So is a ``gaussmf`` with sigma 0; a side of a
+    ``gauss2mf`` with sigma 0 is vertical. An S or Z curve with a >= b is a step at (a + b)/2.
 
     Attributes:
         shape: A name of :data:`SHAPES`.
@@ -98,10 +119,10 @@ class Membership:
             )
         if kind.ascending and any(a > b for a, b in pairwise(p)):
             raise InvalidInput(f"{name}: needs {' <= '.join(kind.parameters)}")
-        if kind.ascending and p[0] == p[-1] and self.shape in {"trimf", "trapmf", "pimf"}:
-            raise InvalidInput(f"{name}: has no width")
         if any(p[k] == 0.0 for k in kind.nonzero):
             raise InvalidInput(f"{name}: {kind.parameters[kind.nonzero[0]]} must not be 0")
+        if kind.kernel == COSINE and p[0] < 0.0:
+            raise InvalidInput(f"{name}: a must not be negative")
 
     @overload
     def __call__(self, x: float) -> float: ...
@@ -117,7 +138,19 @@ class Membership:
     @property
     def is_piecewise_linear(self) -> bool:
         """Whether the function consists of straight segments."""
-        return SHAPES[self.shape].kernel in {TRAPEZOID, POINTS}
+        return SHAPES[self.shape].kernel in {TRAPEZOID, POINTS} or self._smooth_point is not None
+
+    @property
+    def _smooth_point(self) -> float | None:
+        """Point of a singleton that is the limit of smooth functions; None for other functions."""
+        p = self.parameters
+        if self.shape in {"gaussmf", "cosinemf"} and p[0] == 0.0:
+            return p[1]
+        if self.shape == "gauss2mf" and p[0] == p[2] == 0.0 and p[1] == p[3]:
+            return p[1]
+        if self.shape == "pimf" and p[0] >= p[1] and p[2] >= p[3] and p[0] + p[1] == p[2] + p[3]:
+            return 0.5 * (p[0] + p[1])
+        return None
 
     @property
     def vertices(self) -> tuple[tuple[float, float], ...]:
@@ -131,12 +164,25 @@ class Membership:
         if not self.is_piecewise_linear:
             raise InvalidInput(f"{self.shape} is not piecewise linear")
         p = self.parameters
+        if (at := self._smooth_point) is not None:
+            return (at, 0.0), (at, 1.0), (at, 0.0)
         if self.shape == "pointsmf":
             return tuple(zip(p[::2], p[1::2], strict=True))
         a, b, c, d = SHAPES[self.shape].curve(*p)
         corners = [(a, 0.0), (b, 1.0)] if isfinite(a) else []
         corners += [(c, 1.0), (d, 0.0)] if isfinite(d) else []
-        return tuple(dict.fromkeys(corners))
+        return tuple(corner for corner, _ in groupby(corners))
+
+    @property
+    def forward(self) -> Membership:
+        """Equal function in which every S or Z curve with a > b is a step with a = b."""
+        p = self.parameters
+        if self.shape not in {"smf", "zmf", "pimf"} or all(
+            a <= b for a, b in zip(p[::2], p[1::2], strict=True)
+        ):
+            return self
+        steps = [x for a, b in zip(p[::2], p[1::2], strict=True) for x in _step(a, b)]
+        return Membership(self.shape, tuple(steps))
 
     @property
     def core_midpoint(self) -> float:
@@ -149,7 +195,10 @@ class Membership:
         if self.shape in {"sigmf", "linsmf", "linzmf", "smf", "zmf"}:
             is_rising = p[0] >= 0.0 if self.shape == "sigmf" else self.shape in {"linsmf", "smf"}
             return inf if is_rising else -inf
-        at = {"gaussmf": (1, 1), "gauss2mf": (1, 3), "gbellmf": (2, 2), "trimf": (1, 1)}
+        at = {
+            "gaussmf": (1, 1), "gauss2mf": (1, 3), "gbellmf": (2, 2), "trimf": (1, 1),
+            "cosinemf": (1, 1),
+        }  # fmt: skip
         i, j = at.get(self.shape, (1, 2) if "sig" not in self.shape else (1, 3))
         return 0.5 * (p[i] + p[j])
 
@@ -226,6 +275,8 @@ def degree(curves: Curves, k: int, x: float) -> float:  # noqa: PLR0911
         return abs(_sigmoid(p, q, x) - _sigmoid(r, s, x))
     if kernel == SIGMOID_PRODUCT:
         return _sigmoid(p, q, x) * _sigmoid(r, s, x)
+    if kernel == COSINE:
+        return 0.5 * (1.0 + cos(pi * (x - q) / p)) if abs(x - q) <= p else 0.0
     return _polyline(curves.points, int(p), int(q), x)
 
 

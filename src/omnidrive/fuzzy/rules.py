@@ -85,6 +85,19 @@ class Rule:
             raise InvalidInput("a rule needs a consequent")
 
 
+def negated(antecedent: Antecedent) -> Antecedent:
+    """Return the complement of an antecedent by De Morgan's laws.
+
+    It equals 1 minus the degree of the antecedent if "or" is the dual of "and".
+    """
+    if isinstance(antecedent, Is):
+        if antecedent.hedges[:1] == ("not",):
+            return Is(antecedent.variable, antecedent.set, antecedent.hedges[1:])
+        return antecedent.hedged(("not",))
+    parts = tuple(map(negated, antecedent.parts))
+    return Or(parts) if isinstance(antecedent, And) else And(parts)
+
+
 def propositions(antecedent: Antecedent) -> Iterator[Is]:
     """Yield every proposition of an antecedent from left to right.
 

@@ -78,6 +78,34 @@ def aggregate_max(
 
 
 @compiled
+def aggregate_bound(  # noqa: PLR0917
+    c: Consequents,
+    output: int,
+    strengths: Float[Array, " rules"],
+    heights: Float[Array, " consequents"],
+    degrees: Float[Array, " consequents_of_samples"],
+    aggregated: Float[Array, " samples"],
+) -> None:
+    """Fill in the aggregation of one output, of the lower or of the upper functions.
+
+    Args:
+        c: The consequents.
+        output: Number of the output.
+        strengths: Firing strength of every rule.
+        heights: Greatest firing strength per consequent, from :func:`.max_strengths`.
+        degrees: Degrees of all consequents at the samples of their output.
+        aggregated: Result.
+    """
+    if c.aggregations[output] == MAX:
+        first, last, count = c.first[output], c.first[output + 1], len(aggregated)
+        own = unsafe_slice(degrees, first * count, last * count)
+        clips = c.implication[0] == MIN
+        aggregate_max(unsafe_slice(heights, first, last), own, clips, aggregated)
+    else:
+        aggregate_rules(c, output, strengths, degrees, aggregated)
+
+
+@compiled
 def aggregate_rules(
     c: Consequents,
     output: int,

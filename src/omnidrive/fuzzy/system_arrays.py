@@ -16,6 +16,7 @@ from omnidrive.fuzzy.packed_arrays import PackedArrays, floats_of, integers_of
 from omnidrive.fuzzy.sampled import Samples
 from omnidrive.fuzzy.segments import Segments
 from omnidrive.fuzzy.sets import FlatSets
+from omnidrive.fuzzy.spikes import Spikes
 
 
 class Header(NamedTuple):
@@ -51,7 +52,8 @@ RANGES, FALLBACKS, LEVELS, OPTIONS = range(4)
 _SETS = len(Header._fields)
 _ANTECEDENTS = _SETS + len(FlatSets._fields)
 _CONSEQUENTS = _ANTECEDENTS + len(Antecedents._fields)
-METHOD_ARRAYS = _CONSEQUENTS + len(Consequents._fields)
+_SPIKES = _CONSEQUENTS + len(Consequents._fields)
+METHOD_ARRAYS = _SPIKES + len(Spikes._fields)
 """Number of the first array that belongs to the method of defuzzification."""
 LOWER_SEGMENTS = METHOD_ARRAYS + len(Segments._fields)
 TRAPEZOIDS = LOWER_SEGMENTS + len(Segments._fields)
@@ -65,6 +67,7 @@ def arrays_of(
     sets: FlatSets,
     antecedents: Antecedents,
     consequents: Consequents,
+    spikes: Spikes,
     *method_arrays: tuple[Array, ...],
 ) -> list[Array]:
     """Return the arrays of a system in the order in which the kernels read them."""
@@ -73,6 +76,7 @@ def arrays_of(
         *sets,
         *antecedents,
         *consequents,
+        *spikes,
         *(a for each in method_arrays for a in each),
     ]
 
@@ -113,6 +117,12 @@ def consequents_in(p: PackedArrays) -> Consequents:
         integers_of(p, _CONSEQUENTS + 3),
         integers_of(p, _CONSEQUENTS + 4),
     )
+
+
+@compiled
+def spikes_in(p: PackedArrays) -> Spikes:
+    """Return the isolated points of the outputs of a packed system."""
+    return Spikes(floats_of(p, _SPIKES), floats_of(p, _SPIKES + 1), integers_of(p, _SPIKES + 2))
 
 
 @compiled

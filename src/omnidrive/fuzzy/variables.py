@@ -144,7 +144,8 @@ class InputVariable:
         name: Name that rules refer to.
         low: Least value.
         high: Greatest value.
-        sets: Fuzzy sets, by convention from left to right.
+        sets: Fuzzy sets, by convention from left to right; empty for an input of linear
+            functions only, or of no rule.
     """
 
     name: str
@@ -154,13 +155,16 @@ class InputVariable:
 
     def __post_init__(self) -> None:
         convert_to_floats(self, "low", "high")
-        _check_variable(self.name, self.low, self.high, self.sets)
+        _check_variable(self.name, self.low, self.high, self.sets, 0)
 
     def gaps(self) -> list[tuple[float, float]]:
         """Return the intervals of the range that belong to no set, where rules may fail to fire.
 
-        Evaluated at 2001 points: a gap narrower than 1/2000 of the range may be missed.
+        An input without sets has none. Evaluated at 2001 points: a gap narrower than 1/2000 of the
+        range may be missed.
         """
+        if not self.sets:
+            return []
         at = np.linspace(self.low, self.high, 2001)
         covered = _covered(Curves.of([each.upper for each in self.sets]), at)
         edges = np.flatnonzero(np.diff(np.r_[False, ~covered, False].astype(np.int64)))
@@ -194,7 +198,7 @@ class OutputVariable:
 
     def __post_init__(self) -> None:
         convert_to_floats(self, "low", "high", "default")
-        _check_variable(self.name, self.low, self.high, self.sets)
+        _check_variable(self.name, self.low, self.high, self.sets, 1)
         kinds = {type(each) for each in self.sets}
         if len(kinds) > 1:
             raise InvalidInput(f"output {self.name!r} mixes fuzzy sets and linear functions")
@@ -240,12 +244,12 @@ def _covered(curves: Curves, at: Float[Array, " points"]) -> Bool[Array, " point
 
 
 def _check_variable(
-    name: str, low: float, high: float, sets: Sequence[FuzzySet | LinearFunction]
+    name: str, low: float, high: float, sets: Sequence[FuzzySet | LinearFunction], least: int
 ) -> None:
     check_name("variable", name)
     check_numbers(f"the range of {name!r}", low, high)
     if not low < high:
         raise InvalidInput(f"the range of {name!r} must have a width, got [{low:g}, {high:g}]")
-    if not 1 <= len(sets) <= MAX_SETS:
-        raise InvalidInput(f"{name!r} needs 1 to {MAX_SETS} sets, got {len(sets)}")
+    if not least <= len(sets) <= MAX_SETS:
+        raise InvalidInput(f"{name!r} needs {least} to {MAX_SETS} sets, got {len(sets)}")
     check_unique(f"sets of {name!r}", [each.name for each in sets])

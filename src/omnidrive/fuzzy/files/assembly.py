@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple
 
 from omnidrive.errors import InvalidFuzzyFile, InvalidInput
 from omnidrive.files.position import Position
+from omnidrive.fuzzy.checks import MAX_NUMBER
+from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.position import malformed
 from omnidrive.fuzzy.rules import And, Antecedent, Is, Or, Rule
 from omnidrive.fuzzy.system import FuzzySystem
-from omnidrive.fuzzy.variables import InputVariable, LinearFunction, OutputVariable
+from omnidrive.fuzzy.variables import FuzzySet, InputVariable, LinearFunction, OutputVariable
 
 
 class LocatedRule(NamedTuple):
@@ -121,3 +123,77 @@ def stays_in_range(output: OutputVariable) -> bool:
         and output.low <= each.constant <= output.high
         for each in output.sets
     )
+
+
+def values_of(
+    functions: Sequence[LinearFunction], inputs: Sequence[InputVariable]
+) -> tuple[float, float]:
+    """Return the least and greatest value of linear functions over the ranges of the inputs.
+
+    A single value is extended by 0.5 on both sides.
+    """
+    ends = []
+    for each in functions:
+        low = high = each.constant
+        for slope, variable in zip(each.coefficients, inputs, strict=False):
+            low += min(slope * variable.low, slope * variable.high)
+            high += max(slope * variable.low, slope * variable.high)
+        ends += [max(low, -MAX_NUMBER), min(high, MAX_NUMBER)]
+    if not ends:
+        return 0.0, 1.0
+    low, high = min(ends), max(ends)
+    return (low, high) if low < high else (low - 0.5, high + 0.5)
+
+
+def singleton(name: str, point: float) -> FuzzySet:
+    """Return the fuzzy singleton at a point."""
+    return FuzzySet(name, Membership("trimf", (point,) * 3))
+
+
+def as_singletons(output: OutputVariable, aggregation: str) -> OutputVariable | None:
+    """Return an output of constants as one of fuzzy singletons; None for other outputs.
+
+    The weighted average of constants is the centroid of their singletons, whose degrees at one
+    point any operator can aggregate.
+    """
+    constants = [
+        each
+        for each in output.sets
+        if isinstance(each, LinearFunction) and not any(each.coefficients)
+    ]
+    if len(constants) < len(output.sets) or output.defuzzifier != "wtaver":
+        return None
+    points = [each.constant for each in constants]
+    return OutputVariable(
+        output.name,
+        min(output.low, *points),
+        max(output.high, *points),
+        tuple(singleton(each.name, each.constant) for each in constants),
+        aggregation,
+        "centroid",
+        output.fallback if output.default is None else output.default,
+    )
+
+
+def of_one_kind(
+    outputs: Sequence[OutputVariable], aggregations: Mapping[str, str], differing: Collection[str]
+) -> list[OutputVariable]:
+    """Return outputs that are all made of fuzzy sets, if they can be and must be.
+
+    They must be if some are and others are not, or if a weighted average of ``differing`` outputs
+    does not aggregate degrees by their sum. They can be if all functions are constants.
+
+    Args:
+        outputs: The outputs.
+        aggregations: Operator that aggregates the degrees at one point, by the name of an output;
+            others are aggregated by their sum.
+        differing: Names of the outputs to which a weighted average does not apply.
+    """
+    if not differing and len({each.is_sugeno for each in outputs}) == 1:
+        return list(outputs)
+    found = [
+        as_singletons(each, aggregations.get(each.name, "sum")) if each.is_sugeno else each
+        for each in outputs
+    ]
+    singletons = [each for each in found if each is not None]
+    return singletons if len(singletons) == len(outputs) else list(outputs)

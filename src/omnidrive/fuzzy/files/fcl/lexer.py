@@ -97,6 +97,7 @@ TERMS: dict[str, tuple[str, tuple[int, ...]]] = {
     "GBELL": ("gbellmf", (0, 1, 2)),
     "SIGM": ("sigmf", (0, 1)),
     "DSIGM": ("dsigmf", (0, 1, 2, 3)),
+    "COSINE": ("cosinemf", (0, 1)),
 }
 """jFuzzyLogic's keywords of terms: the shape, and for each of its parameters the index of
 jFuzzyLogic's parameter."""

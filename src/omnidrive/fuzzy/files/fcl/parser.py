@@ -13,14 +13,12 @@ from omnidrive.fuzzy.files.fcl.lexer import (
     FUZZYLITE,
     IEC,
     SECTIONS,
-    TERMS,
     Token,
     TokenStream,
 )
 from omnidrive.fuzzy.files.fcl.rule_parser import RuleParser
-from omnidrive.fuzzy.files.fll.semantics import TERM_CLASSES
-from omnidrive.fuzzy.membership import MAX_POINTS
-from omnidrive.fuzzy.position import LocatedText, malformed
+from omnidrive.fuzzy.files.fcl.term_parser import FllTermEntry, TermEntry, term_value
+from omnidrive.fuzzy.position import malformed
 from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES
 from omnidrive.fuzzy.variables import MAX_SETS
 
@@ -33,7 +31,7 @@ def _names(*tables: dict[str, str]) -> dict[str, str]:
 _CONJUNCTIONS = _names(IEC.conjunctions, FUZZYLITE.conjunctions)
 _DISJUNCTIONS = {**_names(IEC.disjunctions, FUZZYLITE.disjunctions), "PROBOR": "probor"}
 _AGGREGATIONS = {**_names(IEC.aggregations, FUZZYLITE.aggregations), **_DISJUNCTIONS}
-_METHODS = _names(IEC.methods, FUZZYLITE.methods)
+_METHODS = {**_names(IEC.methods, FUZZYLITE.methods), "COGF": "wtaver"}
 _OPERATORS = {
     "AND": _CONJUNCTIONS,
     "OR": _DISJUNCTIONS,
@@ -47,38 +45,6 @@ class Choice(NamedTuple):
 
     name: str
     position: Position
-
-
-class PointsEntry(NamedTuple):
-    """Points ``(x, degree) (x, degree) ...``, flat."""
-
-    coordinates: tuple[float, ...]
-    position: Position
-
-
-class NamedShapeEntry(NamedTuple):
-    """Shape of jFuzzyLogic: a keyword and parameters."""
-
-    keyword: str
-    parameters: tuple[float, ...]
-    position: Position
-
-
-class FllTermEntry(NamedTuple):
-    """Class and parameters of fuzzylite."""
-
-    kind: LocatedText
-    parameters: tuple[LocatedText, ...]
-    inputs: int
-    """Number of inputs declared before the term."""
-
-
-class TermEntry(NamedTuple):
-    """Statement ``TERM name := value``; a number is the value of a singleton."""
-
-    name: str
-    position: Position
-    value: float | PointsEntry | NamedShapeEntry | FllTermEntry
 
 
 class VariableEntry:
@@ -120,12 +86,14 @@ class RuleBlockEntry:
     Attributes:
         position: Position of its name.
         operators: Choices of AND, OR, ACT and ACCU.
+        negated: Position of the first group after NOT; None: there is none.
         rules: Its rules.
     """
 
     def __init__(self, position: Position) -> None:
         self.position = position
         self.operators: dict[str, Choice] = {}
+        self.negated: Position | None = None
         self.rules: list[LocatedRule] = []
 
     def outputs(self) -> set[str]:
@@ -142,6 +110,8 @@ class FclFile(NamedTuple):
     rule_blocks: list[RuleBlockEntry]
     is_fuzzylite: bool
     """Whether a statement exists only in fuzzylite's dialect."""
+    unread: tuple[str, ...]
+    """Names of the other FUNCTION_BLOCKs of the text."""
 
 
 def parse(text: str) -> FclFile:
@@ -179,11 +149,23 @@ class _Parser:
         while (section := tokens.expect(*SECTIONS).key) != "END_FUNCTION_BLOCK":
             sections[section]()
         tokens.accept(";")
-        if tokens.next.key == "FUNCTION_BLOCK":
-            raise malformed(tokens.next.position, "a second FUNCTION_BLOCK: expected one in a file")
-        if tokens.next.kind != "end":
-            tokens.fail("the end")
-        return FclFile(name, self._inputs, self._outputs, self._blocks, self._is_fuzzylite)
+        return FclFile(
+            name, self._inputs, self._outputs, self._blocks, self._is_fuzzylite, self._unread()
+        )
+
+    def _unread(self) -> tuple[str, ...]:
+        """Skip the other FUNCTION_BLOCKs and return their names."""
+        tokens = self._tokens
+        names = []
+        while tokens.next.kind != "end":
+            start = tokens.expect("FUNCTION_BLOCK")
+            names.append(tokens.rest_of_line(start.position.line, *SECTIONS))
+            while not tokens.accept("END_FUNCTION_BLOCK"):
+                if tokens.next.kind == "end" or tokens.next.key == "FUNCTION_BLOCK":
+                    tokens.fail("END_FUNCTION_BLOCK")
+                tokens.take()
+            tokens.accept(";")
+        return tuple(names)
 
     def _declarations(self, variables: dict[str, VariableEntry]) -> None:
         tokens = self._tokens
@@ -326,50 +308,10 @@ class _Parser:
         if len(variable.terms) >= MAX_SETS:
             raise malformed(name.position, f"more than {MAX_SETS} sets")
         tokens.expect(":=")
-        variable.terms.append(TermEntry(name.text, name.position, self._term_value()))
+        value = term_value(tokens, self._inputs)
+        self._is_fuzzylite = self._is_fuzzylite or isinstance(value, FllTermEntry)
+        variable.terms.append(TermEntry(name.text, name.position, value))
         tokens.accept(";")
-
-    def _term_value(self) -> float | PointsEntry | NamedShapeEntry | FllTermEntry:
-        tokens = self._tokens
-        if tokens.next.kind == "number":
-            return tokens.number()
-        if tokens.next.key == "(":
-            return self._points()
-        kind = tokens.name("a number, points, or a shape")
-        if kind.key in TERMS:
-            values = []
-            while tokens.next.kind == "number":
-                values.append(tokens.number())
-            return NamedShapeEntry(kind.key, tuple(values), kind.position)
-        if kind.text not in TERM_CLASSES:
-            known = ", ".join((*TERMS, *TERM_CLASSES))
-            raise malformed(
-                kind.position, f"a term {kind.text[:40]!r} is not supported, only points, {known}"
-            )
-        self._is_fuzzylite = True
-        parameters = []
-        while tokens.next.kind == "number" or tokens.next.key in {"INF", "+", "-"}:
-            sign = tokens.take() if tokens.next.key in {"+", "-"} else None
-            if sign is not None and tokens.next.key != "INF":
-                tokens.fail("a number")
-            token = tokens.take()
-            parameters.append(LocatedText((sign.text if sign else "") + token.text, token.position))
-        return FllTermEntry(
-            LocatedText(kind.text, kind.position), tuple(parameters), len(self._inputs)
-        )
-
-    def _points(self) -> PointsEntry:
-        tokens = self._tokens
-        coordinates: list[float] = []
-        start = tokens.next.position
-        while tokens.accept("("):
-            coordinates.append(tokens.number())
-            tokens.expect(",")
-            coordinates.append(tokens.number())
-            tokens.expect(")")
-            if len(coordinates) > 2 * MAX_POINTS:
-                raise malformed(start, f"more than {MAX_POINTS} points")
-        return PointsEntry(tuple(coordinates), start)
 
     def _rule_block(self) -> None:
         tokens = self._tokens
@@ -395,4 +337,5 @@ class _Parser:
                 if not self._accept_none():
                     block.operators[token.key] = self._choice(_OPERATORS[token.key])
         tokens.accept(";")
+        block.negated = rules.negated
         self._blocks.append(block)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from omnidrive.errors import InvalidInput
+from omnidrive.files.position import Position
 from omnidrive.fuzzy.files.assembly import LocatedRule, locate_errors
 from omnidrive.fuzzy.files.fcl.lexer import TokenStream
 from omnidrive.fuzzy.position import malformed
@@ -19,6 +20,7 @@ from omnidrive.fuzzy.rules import (
     Is,
     Or,
     Rule,
+    negated,
 )
 
 _AFTER_PROPOSITION = frozenset(
@@ -34,6 +36,9 @@ class RuleParser:
         sets_of: Names of the sets of each variable; a set may have the name of a hedge.
         and_binds_tighter: Returns whether AND is known to bind tighter than OR. It does in IEC
             61131-7 and in fuzzylite; jFuzzyLogic evaluates from left to right.
+
+    Attributes:
+        negated: Position of the first group after NOT; None: there is none.
     """
 
     def __init__(
@@ -45,6 +50,7 @@ class RuleParser:
         self._tokens = tokens
         self._sets_of = sets_of
         self._and_binds_tighter = and_binds_tighter
+        self.negated: Position | None = None
 
     def rule(self) -> LocatedRule:
         """Parse the rule that begins at the next token."""
@@ -99,11 +105,11 @@ class RuleParser:
         if not negations:
             return inner
         inner = normalised(inner)
-        if not isinstance(inner, Is):
-            raise malformed(
-                opening.position, "NOT before a group is not supported; write it before each set"
-            )
-        return inner.hedged(negations)
+        if isinstance(inner, Is):
+            return inner.hedged(negations)
+        self.negated = self.negated or opening.position
+        with locate_errors(opening.position):
+            return negated(inner) if len(negations) % 2 else inner
 
     def _proposition(self) -> Is:
         tokens = self._tokens

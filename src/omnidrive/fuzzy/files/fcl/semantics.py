@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+import warnings
 
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.files.assembly import (
@@ -10,22 +10,20 @@ from omnidrive.fuzzy.files.assembly import (
     assemble_system,
     connectives_in,
     locate_errors,
+    of_one_kind,
     repeated_consequent,
     stays_in_range,
 )
-from omnidrive.fuzzy.files.fcl.lexer import TERMS
 from omnidrive.fuzzy.files.fcl.parser import (
     Choice,
     FclFile,
-    NamedShapeEntry,
-    PointsEntry,
     RuleBlockEntry,
-    TermEntry,
     VariableEntry,
     parse,
 )
-from omnidrive.fuzzy.files.fll.semantics import read_term
-from omnidrive.fuzzy.membership import Membership
+from omnidrive.fuzzy.files.fcl.term_parser import SingletonsEntry
+from omnidrive.fuzzy.files.fcl.term_semantics import limits_of, sets_of, simplified
+from omnidrive.fuzzy.norms import CONORMS, NORMS
 from omnidrive.fuzzy.position import malformed
 from omnidrive.fuzzy.rules import And, Or
 from omnidrive.fuzzy.system import FuzzySystem
@@ -51,15 +49,11 @@ PARTNERS = {
 A disjunction selects the first conjunction with that partner. The partner of Hamacher's product is
 Einstein's sum."""
 
-CORNERS: dict[str, tuple[float, ...]] = {
-    "trimf": (0.0, 1.0, 0.0),
-    "trapmf": (0.0, 1.0, 1.0, 0.0),
-    "linsmf": (0.0, 1.0),
-    "linzmf": (1.0, 0.0),
-}
-"""Degrees at the corners of the shapes that points can represent."""
-
 _METHODS: tuple[Defuzzifier, ...] = ("centroid", "bisector", "mom", "lm", "rm", "wtaver", "wtsum")
+
+
+class UnreadBlockWarning(UserWarning):
+    """A text has FUNCTION_BLOCKs that are not read."""
 
 
 def read_fcl(text: str) -> FuzzySystem:
@@ -67,37 +61,31 @@ def read_fcl(text: str) -> FuzzySystem:
 
     Both dialects are supported, and keywords in any case. Points that form a triangle, a trapezoid
     or a ramp are read as that shape. A text that the dialects interpret differently is refused. A
-    missing range is the union of the supports of the sets, as in jFuzzyLogic.
+    missing range is the union of the supports of the sets, as in jFuzzyLogic; that of linear
+    functions is the range of their values, and that of an input without sets is unlimited.
+
+    NOT before a group is expanded by De Morgan's laws. The weighted average of singletons becomes
+    the centroid of fuzzy singletons where their degrees are not summed, or where another output
+    has fuzzy sets.
+
+    Warns:
+        UnreadBlockWarning: The text has several FUNCTION_BLOCKs; the first is read.
 
     Raises:
         InvalidFuzzyFile: The text is malformed, or :class:`FuzzySystem` does not support a part.
     """
-    return _Builder(parse(text)).system()
-
-
-def simplest_shape(function: Membership) -> Membership:
-    """Return the triangle, trapezoid or ramp that equals a ``pointsmf``, or else ``function``.
-
-    A point at either end that only continues the constant beyond it is ignored.
-    """
-    if function.shape != "pointsmf":
-        return function
-    x, y = function.parameters[::2], function.parameters[1::2]
-    first, last = 0, len(x)
-    while last - first > 1 and y[first] == y[first + 1]:
-        first += 1
-    while last - first > 1 and y[last - 1] == y[last - 2]:
-        last -= 1
-    x, y = x[first:last], y[first:last]
-    for shape, degrees in CORNERS.items():
-        if y == degrees and (len(y) == 2 or x[0] < x[-1]):
-            return Membership(shape, x)
-    return function
-
-
-def is_dsigm(a1: float, c1: float, a2: float, c2: float) -> bool:
-    """Return whether jFuzzyLogic's DSIGM equals a ``dsigmf``: its difference is never negative."""
-    return a1 == a2 and a1 * c1 <= a2 * c2
+    file = parse(text)
+    system = _Builder(file).system()
+    if file.unread:
+        others = ", ".join(repr(each[:40]) for each in file.unread[:4])
+        others += ", ..." if len(file.unread) > 4 else ""
+        warnings.warn(
+            f"only the first FUNCTION_BLOCK, {file.name[:40]!r}, is read, not {others}; to read "
+            "another, write it to a file of its own",
+            UnreadBlockWarning,
+            stacklevel=2,
+        )
+    return system
 
 
 class _Builder:
@@ -111,19 +99,21 @@ class _Builder:
     def system(self) -> FuzzySystem:
         """Return the system."""
         file = self._file
-        input_sets = [_sets(each, is_input=True) for each in file.inputs.values()]
-        output_sets = [_sets(each, is_input=False) for each in file.outputs.values()]
+        names = tuple(file.inputs)
+        input_sets = [sets_of(each, names, is_input=True) for each in file.inputs.values()]
+        output_sets = [sets_of(each, names, is_input=False) for each in file.outputs.values()]
         aggregations = self._aggregations()
         inputs = []
         for variable, sets in zip(file.inputs.values(), input_sets, strict=True):
             with locate_errors(variable.position):
-                fuzzy_sets = _simplified(variable, sets)
-                limits = _limits(variable, sets)
+                fuzzy_sets = simplified(variable, sets)
+                limits = limits_of(variable, sets, ())
                 inputs.append(InputVariable(variable.name, *limits, fuzzy_sets))
         outputs = [
-            self._output(variable, sets, aggregations.get(variable.name))
+            self._output(variable, sets, aggregations.get(variable.name), inputs)
             for variable, sets in zip(file.outputs.values(), output_sets, strict=True)
         ]
+        outputs = self._aggregated(outputs, aggregations)
         return assemble_system(file.name, inputs, outputs, self._rules, *self._operators())
 
     def _aggregations(self) -> dict[str, Choice]:
@@ -155,13 +145,18 @@ class _Builder:
         variable: VariableEntry,
         sets: list[FuzzySet | LinearFunction],
         aggregation: Choice | None,
+        inputs: list[InputVariable],
     ) -> OutputVariable:
         if variable.method is None:
             raise malformed(variable.position, f"{variable.name[:40]!r}: expected a METHOD")
         method: Defuzzifier = next(d for d in _METHODS if d == variable.method.name)
         with locate_errors(variable.position):
             functions = tuple(each for each in sets if isinstance(each, LinearFunction))
-            fuzzy_sets = _simplified(variable, sets)
+            fuzzy_sets = simplified(variable, sets)
+            if method == "wtaver" and any(
+                isinstance(each.value, SingletonsEntry) for each in variable.terms
+            ):
+                method = "centroid"  # the same for singletons
             if fuzzy_sets and aggregation is None:
                 raise InvalidInput(
                     f"output {variable.name!r} needs an ACCU, because its default is MAX in IEC "
@@ -169,7 +164,7 @@ class _Builder:
                 )
             output = OutputVariable(
                 variable.name,
-                *_limits(variable, sets),
+                *limits_of(variable, sets, inputs),
                 functions or fuzzy_sets,
                 aggregation.name if aggregation else "max",
                 method,
@@ -180,9 +175,28 @@ class _Builder:
                 variable.clipped,
                 f"output {output.name!r} may leave its range: clipping is not supported",
             )
-        if functions and aggregation is not None and aggregation.name != "sum":
-            _check_not_repeated(output.name, aggregation, self._rules)
         return output
+
+    def _aggregated(
+        self, outputs: list[OutputVariable], aggregations: dict[str, Choice]
+    ) -> list[OutputVariable]:
+        """Return the outputs with constants as fuzzy singletons where their mean differs."""
+        chosen = {name: each.name for name, each in aggregations.items()}
+        differing = [
+            each.name
+            for each in outputs
+            if each.is_sugeno
+            and chosen.get(each.name, "sum") != "sum"
+            and _shares_points(each, self._rules)
+        ]
+        found = of_one_kind(outputs, chosen, differing)
+        if differing and found[0].is_sugeno:
+            raise malformed(
+                aggregations[differing[0]].position,
+                f"this ACCU of rules with one function of {differing[0][:40]!r} is not supported: "
+                "expected SUM",
+            )
+        return found
 
     def _operators(self) -> tuple[str, str, str]:
         """Return the names of conjunction, disjunction and implication."""
@@ -193,6 +207,7 @@ class _Builder:
             if not self._file.is_fuzzylite:
                 _check_pair(block)
             used = connectives_in(block.rules)
+            _check_negated(block)
             if And in used or "AND" in found:
                 _set_operator(chosen, "AND", block, _conjunction(block))
             if Or in used or "OR" in found:
@@ -208,100 +223,25 @@ class _Builder:
         )
 
 
-def _sets(variable: VariableEntry, *, is_input: bool) -> list[FuzzySet | LinearFunction]:
-    sets: list[FuzzySet | LinearFunction] = []
-    for term in variable.terms:
-        with locate_errors(term.position):
-            each = _set(term)
-            if is_input and isinstance(each, LinearFunction):
-                raise InvalidInput(f"{term.name!r}: the terms of an input must be fuzzy sets")
-            if sets and type(each) is not type(sets[0]):
-                raise InvalidInput(f"output {variable.name!r} mixes fuzzy sets and functions")
-        sets.append(each)
-    return sets
+def _shares_points(output: OutputVariable, rules: list[LocatedRule]) -> bool:
+    """Return whether two rules conclude one function, or constants that are equal."""
+    constants = [
+        each.constant
+        for each in output.sets
+        if isinstance(each, LinearFunction) and not any(each.coefficients)
+    ]
+    repeated = repeated_consequent(output.name, rules)
+    return repeated is not None or len(set(constants)) < len(constants)
 
 
-def _set(term: TermEntry) -> FuzzySet | LinearFunction:
-    value = term.value
-    if isinstance(value, float):
-        return LinearFunction(term.name, value)
-    if isinstance(value, PointsEntry):
-        with locate_errors(value.position):
-            function = Membership("pointsmf", value.coordinates)
-        return FuzzySet(term.name, function)
-    if isinstance(value, NamedShapeEntry):
-        return FuzzySet(term.name, _named_shape(value))
-    return read_term(term.name, value.kind, value.parameters, value.inputs)
-
-
-def _named_shape(entry: NamedShapeEntry) -> Membership:
-    shape, order = TERMS[entry.keyword]
-    values = entry.parameters
-    if len(values) != len(order):
+def _check_negated(block: RuleBlockEntry) -> None:
+    """Refuse NOT before a group unless De Morgan's laws hold for the operators."""
+    conjunction, disjunction = _conjunction(block), _disjunction(block)
+    if block.negated is not None and NORMS[conjunction] != CONORMS[disjunction]:
         raise malformed(
-            entry.position, f"{entry.keyword}: expected {len(order)} numbers, got {len(values)}"
-        )
-    if entry.keyword == "DSIGM" and not is_dsigm(*values):
-        raise malformed(
-            entry.position,
-            "DSIGM: its difference becomes negative, which jFuzzyLogic cuts off; supported are "
-            "only equal slopes with the first sigmoid to the left",
-        )
-    with locate_errors(entry.position):
-        return Membership(shape, tuple(values[k] for k in order))
-
-
-def _simplified(
-    variable: VariableEntry, sets: list[FuzzySet | LinearFunction]
-) -> tuple[FuzzySet, ...]:
-    """Return the fuzzy sets, with points replaced by the shape that they form."""
-    return tuple(
-        FuzzySet(each.name, simplest_shape(each.upper))
-        if isinstance(term.value, PointsEntry)
-        else each
-        for term, each in zip(variable.terms, sets, strict=True)
-        if isinstance(each, FuzzySet)
-    )
-
-
-def _limits(variable: VariableEntry, sets: list[FuzzySet | LinearFunction]) -> tuple[float, float]:
-    """Return the range, or jFuzzyLogic's default: the union of the supports of the sets."""
-    if variable.range is not None:
-        return variable.range
-    supports = [_support(each) for each in sets]
-    known = [each for each in supports if each is not None]
-    if not known or len(known) < len(supports):
-        raise malformed(
-            variable.position, f"{variable.name[:40]!r}: expected RANGE := (MIN .. MAX)"
-        )
-    low, high = min(low for low, _ in known), max(high for _, high in known)
-    return (low, high) if low < high else (low - 0.5, high + 0.5)
-
-
-def _support(each: FuzzySet | LinearFunction) -> tuple[float, float] | None:
-    """Return the interval that jFuzzyLogic uses as the support of a set; None: unknown."""
-    if isinstance(each, LinearFunction):
-        return (each.constant, each.constant) if not each.coefficients else None
-    shape, p = each.upper.shape, each.upper.parameters
-    if each.upper.is_piecewise_linear:
-        x = p[::2] if shape == "pointsmf" else p
-        return x[0], x[-1]
-    if shape in {"gaussmf", "gauss2mf"}:
-        ends = [c + side * abs(s) for s, c in zip(p[::2], p[1::2], strict=True) for side in (-4, 4)]
-        return min(ends), max(ends)
-    if shape == "sigmf" and p[0] != 0.0 and isfinite(9.0 / p[0]):
-        half_width = 9.0 / abs(p[0])
-        return p[1] - half_width, p[1] + half_width
-    return None
-
-
-def _check_not_repeated(output: str, aggregation: Choice, rules: list[LocatedRule]) -> None:
-    repeated = repeated_consequent(output, rules)
-    if repeated is not None:
-        raise malformed(
-            aggregation.position,
-            f"this ACCU of rules with one singleton (line {repeated.position.line}) is not "
-            "supported: expected SUM",
+            block.negated,
+            f"NOT before a group needs an OR that is the dual of AND, not {conjunction!r} and "
+            f"{disjunction!r}; use such a pair, as MIN and MAX, or write NOT before each set",
         )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.files.assembly import connectives_in
 from omnidrive.fuzzy.files.fcl.lexer import (
@@ -12,7 +14,8 @@ from omnidrive.fuzzy.files.fcl.lexer import (
     Dialect,
     Keywords,
 )
-from omnidrive.fuzzy.files.fcl.semantics import CORNERS, PARTNERS, is_dsigm, simplest_shape
+from omnidrive.fuzzy.files.fcl.semantics import PARTNERS
+from omnidrive.fuzzy.files.fcl.term_semantics import CORNERS, is_dsigm, simplest_shape
 from omnidrive.fuzzy.files.fll.writer import FUNCTIONS
 from omnidrive.fuzzy.files.fll.writer import term_text as fll_term_text
 from omnidrive.fuzzy.files.writer_checks import (
@@ -65,8 +68,10 @@ def write_fcl(system: FuzzySystem, dialect: Dialect = "iec") -> str:
         if dialect == "fuzzylite":
             lines.append(f"  RANGE := ({_range(variable)});")
         lines += [*_terms(variable, dialect), "END_FUZZIFY"]
+    inputs = [variable.name for variable in system.inputs]
     for output in system.outputs:
-        lines += ["", f"DEFUZZIFY {output.name}", *_output(output, dialect), "END_DEFUZZIFY"]
+        text = _output(output, dialect, inputs)
+        lines += ["", f"DEFUZZIFY {output.name}", *text, "END_DEFUZZIFY"]
     return "\n".join((*lines, "", *_rule_block(system, dialect), "", "END_FUNCTION_BLOCK", ""))
 
 
@@ -98,18 +103,24 @@ def _range(variable: InputVariable | OutputVariable) -> str:
     return f"{number_text(variable.low)} .. {number_text(variable.high)}"
 
 
-def _terms(variable: InputVariable | OutputVariable, dialect: Dialect) -> list[str]:
-    text = _iec_term if dialect == "iec" else _fuzzylite_term
-    return [f"  TERM {each.name} := {text(each)};" for each in variable.sets]
+def _terms(
+    variable: InputVariable | OutputVariable, dialect: Dialect, inputs: Sequence[str] = ()
+) -> list[str]:
+    return [
+        f"  TERM {each.name} := "
+        f"{_iec_term(each, inputs) if dialect == 'iec' else _fuzzylite_term(each)};"
+        for each in variable.sets
+    ]
 
 
-def _iec_term(each: FuzzySet | LinearFunction) -> str:
+def _iec_term(each: FuzzySet | LinearFunction, inputs: Sequence[str]) -> str:
     if isinstance(each, LinearFunction):
-        if each.coefficients:
-            raise InvalidInput(
-                f"IEC 61131-7 does not support linear functions ({each.name!r}), only constants; "
-                f"{_USE_FUZZYLITE}"
-            )
+        terms = [
+            f"{number_text(value)} * {name}"
+            for name, value in zip(inputs, each.coefficients, strict=False)
+        ]
+        if terms:
+            return f"FUNCTION ({' + '.join((*terms, number_text(each.constant)))})"
         return number_text(each.constant)
     shape, p = each.upper.shape, each.upper.parameters
     if shape in CORNERS:
@@ -140,10 +151,14 @@ def _points_text(x: tuple[float, ...], degrees: tuple[float, ...]) -> str:
     return " ".join(f"({number_text(a)}, {number_text(b)})" for a, b in points)
 
 
-def _output(output: OutputVariable, dialect: Dialect) -> list[str]:
+def _output(output: OutputVariable, dialect: Dialect, inputs: Sequence[str]) -> list[str]:
     keywords, language = KEYWORDS[dialect], LANGUAGE[dialect]
     method = keyword("method", str(output.defuzzifier), keywords.methods, language)
-    lines = [f"  RANGE := ({_range(output)});", *_terms(output, dialect), f"  METHOD : {method};"]
+    lines = [
+        f"  RANGE := ({_range(output)});",
+        *_terms(output, dialect, inputs),
+        f"  METHOD : {method};",
+    ]
     if dialect == "fuzzylite" and (not output.is_sugeno or output.aggregation == "sum"):
         accu = keyword("aggregation", output.aggregation, keywords.aggregations, language)
         lines.append(f"  ACCU : {accu};")

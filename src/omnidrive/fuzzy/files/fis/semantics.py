@@ -17,7 +17,7 @@ from omnidrive.fuzzy.files.fis.parser import (
     VariableEntry,
     parse,
 )
-from omnidrive.fuzzy.membership import SHAPES, Membership
+from omnidrive.fuzzy.membership import MATLAB_SHAPES, SHAPES, Membership
 from omnidrive.fuzzy.position import LocatedText, malformed
 from omnidrive.fuzzy.rules import And, Hedge, Is, Or, Rule
 from omnidrive.fuzzy.system import FuzzySystem
@@ -57,7 +57,6 @@ AGGREGATIONS = {**DISJUNCTIONS, "sum": "sum"}
 MAMDANI_DEFUZZIFIERS = {each: each for each in ("centroid", "bisector", "mom", "som", "lom")}
 SUGENO_DEFUZZIFIERS = {each: each for each in ("wtaver", "wtsum")}
 TYPE_REDUCTIONS = {"karnikmendel": "km", "ekm": "ekm", "iasc": "iasc", "eiasc": "eiasc"}
-SHAPE_NAMES = tuple(each for each in SHAPES if each != "pointsmf")
 
 _HEDGES: dict[str, tuple[Hedge, ...]] = {
     "": (),
@@ -86,7 +85,8 @@ def read_fis(text: str) -> FuzzySystem:
     functions differ slightly from Matlab's.
 
     Counts (NumInputs, NumMFs, ...), the name and the version may be missing; counts must be right.
-    A gbellmf of old files may have a fourth parameter, 0. A rule without an antecedent is refused.
+    Zeros after the parameters of a function, with which old files pad all to the same number, are
+    ignored. A rule without an antecedent is refused.
 
     Raises:
         InvalidFuzzyFile: The text does not describe such a system; the message names the position
@@ -159,7 +159,7 @@ def _choice(
 
 def _check_sets(variable: VariableEntry, are_functions: bool) -> None:
     """Check the shapes and the names of a variable's sets."""
-    known = ("constant", "linear") if are_functions else SHAPE_NAMES
+    known = ("constant", "linear") if are_functions else MATLAB_SHAPES
     what = "function of a Sugeno output" if are_functions else "membership function"
     names: set[str] = set()
     for each in variable.sets:
@@ -193,9 +193,7 @@ def _input(entry: VariableEntry, is_type2: bool) -> InputVariable:
 
 
 def _fuzzy_set(entry: SetEntry, is_type2: bool) -> FuzzySet:
-    parameters = entry.parameters
-    if entry.shape.text == "gbellmf" and len(parameters) == 4 and parameters[3] == 0.0:
-        parameters = parameters[:3]
+    parameters = _unpadded(entry, len(SHAPES[entry.shape.text].parameters))
     with locate_errors(entry.position):
         lower = None
         if is_type2:
@@ -205,15 +203,22 @@ def _fuzzy_set(entry: SetEntry, is_type2: bool) -> FuzzySet:
         return FuzzySet(entry.name, Membership(entry.shape.text, parameters), lower)
 
 
+def _unpadded(entry: SetEntry, count: int) -> tuple[float, ...]:
+    """Return the leading ``count`` parameters if only zeros follow, otherwise all."""
+    padding = entry.parameters[count:]
+    return entry.parameters if any(padding) else entry.parameters[:count]
+
+
 def _linear_function(entry: SetEntry, inputs: int) -> LinearFunction:
     expected = 1 if entry.shape.text == "constant" else inputs + 1
-    if len(entry.parameters) != expected:
+    parameters = _unpadded(entry, expected)
+    if len(parameters) != expected:
         needs = "a number" if expected == 1 else f"{inputs} coefficients and a constant"
         raise malformed(
             entry.position,
             f"'{entry.shape.text}' needs {needs}, got {len(entry.parameters)} numbers",
         )
-    *coefficients, constant = entry.parameters
+    *coefficients, constant = parameters
     with locate_errors(entry.position):
         return LinearFunction(entry.name, constant, tuple(coefficients))
 
@@ -242,9 +247,8 @@ class _NumberedSets:
             )
         sign, index, decimals = match[1], int(match[2]), (match[3] or "").rstrip("0")
         if index > len(self._sets) or (index == 0 and decimals):
-            raise malformed(
-                position, f"{self._name!r} has sets 1 to {len(self._sets)}, got {word[:40]!r}"
-            )
+            has = f"sets 1 to {len(self._sets)}" if self._sets else "no sets"
+            raise malformed(position, f"{self._name!r} has {has}, got {word[:40]!r}")
         if decimals not in _HEDGES:
             known = "; ".join(f".{d} {' '.join(h)}" for d, h in _HEDGES.items() if d)
             what = "Octave's 'extremely', a cube," if decimals == "3" else "a hedge"

@@ -7,11 +7,10 @@ from collections.abc import Iterator, Sequence
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.files.fis.semantics import (
     MAMDANI_DEFUZZIFIERS,
-    SHAPE_NAMES,
     SUGENO_DEFUZZIFIERS,
     TYPE_REDUCTIONS,
 )
-from omnidrive.fuzzy.membership import Membership
+from omnidrive.fuzzy.membership import MATLAB_SHAPES, Membership
 from omnidrive.fuzzy.rule_text import normalised, rule_text
 from omnidrive.fuzzy.rules import Antecedent, Is, Or, Rule
 from omnidrive.fuzzy.system import FuzzySystem
@@ -115,8 +114,8 @@ def _variable_lines(variable: Variable, is_type2: bool) -> Iterator[str]:
 
 def _set_text(each: FuzzySet, variable: str, is_type2: bool) -> str:
     footprint = Footprint() if each.lower is None else each.lower
-    if each.upper.shape not in SHAPE_NAMES or isinstance(footprint, Membership):
-        what = "pointsmf"
+    if each.upper.shape not in MATLAB_SHAPES or isinstance(footprint, Membership):
+        what = each.upper.shape
         if isinstance(footprint, Membership):
             what = "lower function but a footprint of the upper one"
         raise InvalidInput(

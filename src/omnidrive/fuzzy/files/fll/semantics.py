@@ -7,12 +7,14 @@ from math import inf
 from typing import NamedTuple, TypeVar
 
 from omnidrive.errors import InvalidInput
+from omnidrive.fuzzy.checks import MAX_NUMBER
 from omnidrive.fuzzy.files.assembly import (
     LocatedRule,
     assemble_system,
     connectives_in,
     hedged_consequent,
     locate_errors,
+    of_one_kind,
     repeated_consequent,
     stays_in_range,
 )
@@ -90,7 +92,10 @@ TERMS: dict[str, TermClass] = {
 }
 """Classes of terms that have a shape of their own, by their names in fuzzylite."""
 
-TERM_CLASSES = (*TERMS, "Binary", "Ramp", "Rectangle", "Discrete", "Constant", "Linear")
+TERM_CLASSES = (
+    *TERMS,
+    *("Binary", "Ramp", "Rectangle", "Cosine", "Discrete", "Constant", "Linear"),
+)
 """All supported classes of terms; fuzzylite's others have no equivalent."""
 
 
@@ -108,8 +113,7 @@ def read_fll(text: str) -> FuzzySystem:
     inputs = [_input(each) for each in file.inputs]
     outputs = [_output(each, len(inputs)) for each in file.outputs]
     rules, operators = _rules(file.rule_blocks, any(each.is_sugeno for each in outputs))
-    for component, output in zip(file.outputs, outputs, strict=True):
-        _check_output(component, output, rules)
+    outputs = _aggregated(file.outputs, outputs, rules)
     return assemble_system(file.name, inputs, outputs, rules, *operators)
 
 
@@ -233,11 +237,8 @@ def _without_height(kind: LocatedText, values: list[float]) -> list[float]:
 
 
 def _membership(kind: LocatedText, p: list[float]) -> Membership:
-    if kind.text == "Discrete":
-        return Membership("pointsmf", tuple(p))
-    if kind.text == "Rectangle":
-        low, high = sorted(p)
-        return Membership("trapmf", (low, low, high, high))
+    if kind.text in {"Discrete", "Rectangle", "Cosine"}:
+        return _unlisted(kind.text, p)
     if kind.text in {"Binary", "Ramp"}:
         return _edge(kind, *p)
     if kind.text == "Trapezoid" and p[0] == -inf < p[2]:
@@ -245,7 +246,18 @@ def _membership(kind: LocatedText, p: list[float]) -> Membership:
     if kind.text == "Trapezoid" and p[3] == inf > p[1]:
         return Membership("linsmf", (p[0], p[1]))
     shape, order = TERMS[kind.text]
+    if kind.text in {"SShape", "ZShape", "PiShape"}:  # a step where the side begins
+        p = [x for k in range(0, len(p), 2) for x in (p[k], max(p[k], p[k + 1]))]
     return Membership(shape, tuple(p[k] for k in order))
+
+
+def _unlisted(kind: str, p: list[float]) -> Membership:
+    if kind == "Discrete":
+        return Membership("pointsmf", tuple(p))
+    if kind == "Cosine":
+        return Membership("cosinemf", (0.5 * p[1], p[0]))
+    low, high = sorted(p)
+    return Membership("trapmf", (low, low, high, high))
 
 
 def _edge(kind: LocatedText, start: float, end: float) -> Membership:
@@ -262,7 +274,10 @@ def _range(component: Component) -> tuple[float, float]:
     tokens = line.tokens()
     if len(tokens) != 2:
         raise malformed(line.value_position, f"expected two numbers, got {line.value[:40]!r}")
-    return parse_number(*tokens[0]), parse_number(*tokens[1])
+    low, high = (parse_number(*each) for each in tokens)
+    if component.kind == "InputVariable":  # whose range is unlimited by default
+        return max(low, -MAX_NUMBER), min(high, MAX_NUMBER)
+    return low, high
 
 
 def _defuzzifier(component: Component) -> Defuzzifier:
@@ -371,21 +386,38 @@ def _block_rules(block: Component, limit: int) -> list[LocatedRule]:
     return rules
 
 
-def _check_output(component: Component, output: OutputVariable, rules: list[LocatedRule]) -> None:
-    """Refuse an output whose value in fuzzylite differs from that in this package."""
-    line = component.get("lock-range")
-    if line is not None and component.is_true("lock-range") and not stays_in_range(output):
-        raise malformed(
-            line.position,
-            f"output {output.name!r} may leave its range: clipping is not supported",
-        )
-    line = component.get("aggregation")
-    if output.is_sugeno and _choice(component, AGGREGATIONS, "aggregation") not in {None, "sum"}:
-        assert line is not None
-        repeated = repeated_consequent(output.name, rules)
+def _aggregated(
+    components: list[Component], outputs: list[OutputVariable], rules: list[LocatedRule]
+) -> list[OutputVariable]:
+    """Return the outputs, with constants as fuzzy singletons where their mean differs.
+
+    Raises:
+        InvalidFuzzyFile: The value of an output in fuzzylite differs from that in this package.
+    """
+    aggregations: dict[str, str] = {}
+    differing: dict[str, tuple[Line, LocatedRule]] = {}
+    for component, output in zip(components, outputs, strict=True):
+        line = component.get("lock-range")
+        if line is not None and component.is_true("lock-range") and not stays_in_range(output):
+            raise malformed(
+                line.position,
+                f"output {output.name!r} may leave its range: clipping is not supported",
+            )
+        line, chosen = component.get("aggregation"), _choice(component, AGGREGATIONS, "aggregation")
+        if line is None or chosen in {None, "sum"}:
+            continue
+        constants = [each.constant for each in output.sets if isinstance(each, LinearFunction)]
+        if len(set(constants)) == len(constants):  # fuzzylite aggregates per term, not per point
+            aggregations[output.name] = str(chosen)
+        repeated = repeated_consequent(output.name, rules) if output.is_sugeno else None
         if repeated is not None:
+            differing[output.name] = line, repeated
+    found = of_one_kind(outputs, aggregations, differing)
+    for name, (line, repeated) in differing.items():
+        if found[0].is_sugeno or name not in aggregations:
             raise malformed(
                 line.position,
                 f"{line.value} of rules with one consequent (line {repeated.position.line}) is "
                 "not supported: expected none or UnboundedSum",
             )
+    return found

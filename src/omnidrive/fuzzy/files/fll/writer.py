@@ -108,7 +108,7 @@ def term_text(each: FuzzySet | LinearFunction) -> str:
     if isinstance(each, LinearFunction):
         kind = "Linear" if each.coefficients else "Constant"
         return _text(kind, (*each.coefficients, each.constant))
-    shape, p = each.upper.shape, each.upper.parameters
+    shape, p = each.upper.shape, each.upper.forward.parameters
     if shape == "pointsmf":
         return _text("Discrete", p)
     if shape in {"linsmf", "linzmf"}:
@@ -116,6 +116,8 @@ def term_text(each: FuzzySet | LinearFunction) -> str:
         if p[0] == p[1]:
             return _text("Binary", (p[0], inf if rises else -inf))
         return _text("Ramp", p if rises else p[::-1])
+    if shape == "cosinemf":
+        return _text("Cosine", (p[1], 2.0 * p[0]))
     for kind, term in TERMS.items():
         if term.shape == shape:
             return _text(kind, tuple(p[term.order.index(k)] for k in range(len(p))))

@@ -9,7 +9,12 @@ from typing import TypeVar
 from omnidrive.errors import InvalidInput
 from omnidrive.files.xml_elements import Element
 from omnidrive.fuzzy.checks import MAX_NUMBER
-from omnidrive.fuzzy.files.assembly import LocatedRule, assemble_system, locate_errors
+from omnidrive.fuzzy.files.assembly import (
+    LocatedRule,
+    assemble_system,
+    locate_errors,
+    values_of,
+)
 from omnidrive.fuzzy.files.fml.parser import (
     ClauseEntry,
     FmlFile,
@@ -96,6 +101,7 @@ SHAPES: dict[str, tuple[str, tuple[int, ...]]] = {
     "gaussianShape": ("gaussmf", (1, 0)),
     "sShape": ("smf", (0, 1)),
     "zShape": ("zmf", (0, 1)),
+    "singletonShape": ("trimf", (0, 0, 0)),
 }
 """Shape, and for each of its parameters the index of FML's parameter."""
 
@@ -191,7 +197,7 @@ class _Builder:
             raise malformed(element.position, "type: a tskVariable must be an output")
         functions = tuple(self._function(term) for term in entry.functions)
         with locate_errors(element.position):
-            low, high = _stored_range(element) or self._values_of(functions)
+            low, high = _stored_range(element) or values_of(functions, self._inputs)
             output = OutputVariable(entry.name, low, high, functions)
             return _with_default(element, output)
 
@@ -207,23 +213,6 @@ class _Builder:
             )
         with locate_errors(term.position):
             return LinearFunction(term.name, term.values[0], term.values[1:])
-
-    def _values_of(self, functions: tuple[LinearFunction, ...]) -> tuple[float, float]:
-        """Return the least and greatest value over the ranges of the inputs.
-
-        A single value is extended by 0.5 on both sides.
-        """
-        ends = []
-        for each in functions:
-            low = high = each.constant
-            for slope, variable in zip(each.coefficients, self._inputs, strict=False):
-                low += min(slope * variable.low, slope * variable.high)
-                high += max(slope * variable.low, slope * variable.high)
-            ends += [low, high]
-        if not ends:
-            return 0.0, 1.0
-        low, high = min(ends), max(ends)
-        return (low, high) if low < high else (low - 0.5, high + 0.5)
 
     def _rule_base(self, base: RuleBaseEntry) -> dict[str, str]:
         """Read the rules of a base and return its methods."""
@@ -302,8 +291,8 @@ def _membership(shape: Element) -> Membership:
             return _points(shape)
         if shape.tag in SHAPES:
             name, order = SHAPES[shape.tag]
-            p = _parameters(shape, len(order))
-            return Membership(name, tuple(p[k] for k in order))
+            p = _parameters(shape, len(set(order)))
+            return Membership(name, tuple(p[k] for k in order)).forward
         a, b = _parameters(shape, 2)
         if shape.tag == "leftGaussianShape":
             return Membership("gauss2mf", (1.0, -INFINITE, b, a))
@@ -311,7 +300,7 @@ def _membership(shape: Element) -> Membership:
             return Membership("gauss2mf", (b, a, 1.0, INFINITE))
         if shape.tag == "rectangularShape":
             return Membership("trapmf", (a, a, b, b))
-        return Membership("pimf", (a, b, b, b + (b - a)))
+        return Membership("pimf", (a, b, b, b + (b - a))).forward
 
 
 def _parameters(shape: Element, count: int) -> list[float]:

@@ -94,6 +94,7 @@ def _function(function: LinearFunction) -> Iterator[str]:
 
 def _shape(name: str, function: Membership) -> Iterator[str]:
     """Yield the lines of a shape; ``name`` is that of the set, for messages."""
+    function = function.forward
     p = function.parameters
     if function.shape == "pointsmf":
         yield '<pointSetShape interpolationMethod="linear">'
@@ -131,7 +132,7 @@ def _rule_base(system: FuzzySystem) -> Iterator[str]:
         f'andMethod="{_keyword("conjunction", system.conjunction, CONJUNCTIONS)}" '
         f'orMethod="{_keyword("disjunction", system.disjunction, DISJUNCTIONS)}">'
     )
-    first = {variable.name: variable.sets[0].name for variable in system.inputs}
+    first = {each.name: each.sets[0].name for each in system.inputs if each.sets}
     for number, rule in enumerate(system.rules, 1):
         yield from (f"  {line}" for line in _rule(number, rule, "tsk" * system.is_sugeno, first))
     yield f"</{tag}>"
@@ -181,7 +182,12 @@ def _clause(number: int, tag: str, proposition: Is, first: dict[str, str]) -> st
         hedges = " ".join(proposition.hedges)
         raise InvalidInput(f"rule {number}: FML supports one modifier in a clause, not {hedges!r}")
     modifier = "".join(f' modifier="{MODIFIERS[hedge]}"' for hedge in proposition.hedges)
-    term = proposition.set or first[proposition.variable]
+    term = proposition.set or first.get(proposition.variable, "")
+    if not term:
+        raise InvalidInput(
+            f"rule {number}: FML needs a set of {proposition.variable!r} for 'any'; remove the "
+            "proposition, which is always true"
+        )
     return (
         f"<{tag}{modifier}><variable>{escape(proposition.variable)}</variable>"
         f"<term>{escape(term)}</term></{tag}>"
