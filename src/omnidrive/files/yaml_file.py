@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -158,7 +158,8 @@ class _Loader(yaml.SafeLoader):
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         """Raise YAMLError for an alias, a tag, or deep nesting."""
-        event = self.peek_event()
+        peek: Callable[[], yaml.Event] = self.peek_event  # untyped in its stubs
+        event: Any = peek()
         if isinstance(event, yaml.AliasEvent):
             raise _refused(event, "aliases (*name) are not allowed")
         if event.tag is not None:
