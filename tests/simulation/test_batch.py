@@ -15,6 +15,7 @@ from omnidrive.control import (
     WheelSpeeds,
     holonomic_nmpc,
 )
+from omnidrive.control.controller import CommandLimits
 from omnidrive.control.nmpc.holonomic import (
     Actuation,
     FallbackLevel,
@@ -395,6 +396,78 @@ def test_retimed_runs_equal_simulate():
     assert not differences(run, batch.logs[0])
     assert run.events == batch.logs[0].events
     assert [event.what for event in run.events] == ["too fast", "push begins"]
+
+
+RANDOM_LAWS = ("feedforward", "nmpc", *(f"{k} {p}" for k in ("pid", "t1", "t3") for p in PRESETS))
+
+
+class Noticing(FeedforwardController):
+    """A controller with two notices at the start."""
+
+    def command_limits(self, reference):
+        return CommandLimits(1.0, 1.0)
+
+    def retime(self, reference):
+        return Retiming(reference, "later")
+
+
+def random_run(rng, plants, laws):
+    """Plant, law, reference, sample time and faults; also faults and notices at one time."""
+    plant = str(rng.choice(plants))
+    duration = float(rng.choice([1.0, 2.0, 4.0]))
+    circle = Circle(float(rng.choice([0.2, 2.0])), duration)  # the faster ones exceed limits
+    reference = rng.choice([circle, SampledReference.of(circle, 0.25), Vanishes(0.5, duration)])
+    faults = [
+        parse_fault(f"{kind}:at={rng.choice([0.0, 0.25, 0.5, duration - 0.1])}")
+        for kind in rng.permutation(FAULTS[plant])[: rng.integers(4)]
+    ]
+    spans = [
+        fault.model_copy(update={"duration": float(rng.choice([0.1, 0.4]))})
+        if "duration" in type(fault).model_fields and rng.random() < 0.5
+        else fault
+        for fault in faults
+    ]
+    dt = float(rng.choice([0.1, 0.05, 0.3]))
+    return (
+        plant,
+        laws[int(rng.integers(len(laws)))],
+        reference,
+        dt,
+        Schedule(tuple(spans), robot("paper")),
+    )
+
+
+def events_of_random_runs(count, seed, plants, laws):
+    """Compare log and events of random runs with ``simulate``; return the texts of the events."""
+    rng, texts = np.random.default_rng(seed), []
+    for _ in range(count):
+        plant, law, reference, dt, schedule = random_run(rng, plants, laws)
+        options = {"dt": dt, "schedule": schedule}
+        plant, start = PLANTS[plant](robot("paper")), START
+        (batch,) = simulate_batch(
+            plant, law(dt), [reference], starts=[start], seed=SEED, logs=True, **options
+        )
+        jitter = run_generators(SEED, 0)[1]
+        run = simulate(plant, law(dt), reference, start=start, rng=jitter, **options)
+        assert not differences(run, batch.logs[0])
+        assert (run.outcome, run.events) == (batch.logs[0].outcome, batch.logs[0].events)
+        texts += [event.what for event in run.events]
+    return texts
+
+
+def test_events_of_random_runs_equal_simulate():
+    laws = [FeedforwardController, Noticing]
+    texts = events_of_random_runs(48, 1, ["kinematic"], laws)
+    assert any("the robot falls behind" in text for text in texts)
+    assert "later" in texts
+    assert any(text.endswith("begins") for text in texts)
+    assert any(text.endswith("ends") for text in texts)
+
+
+@pytest.mark.long
+def test_events_of_many_random_runs_equal_simulate():
+    laws = [*(LAWS[name] for name in RANDOM_LAWS), Noticing]
+    assert len(events_of_random_runs(210, 2, list(PLANTS), laws)) > 210
 
 
 class Slower(FeedforwardController):

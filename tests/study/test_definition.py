@@ -1,6 +1,7 @@
 """Study files: forms of axes and random factors, and messages about all problems at once."""
 
 import re
+from datetime import date
 
 import numpy as np
 import pytest
@@ -156,6 +157,22 @@ def test_all_problems_are_named_at_once():
         ({"axes": {"watchdog.error": {"times": [2.0]}}}, "no number in the scenario to multiply"),
         ({"axes": {"plant": ["planar"], "plant.type": ["planar"]}}, "one setting varies twice"),
         ({"axes": {"format": ["x"]}}, "the scenario has no 'format'"),
+        ({"axes": {"": [1]}}, "the scenario has no ''"),
+        ({"axes": {"plant.": ["planar"]}}, "the scenario has no 'plant.'"),
+        ({"axes": {"map": [{1: 2, "source": "none"}]}}, "map: the key 1 is no text"),
+        (
+            {"axes": {"plant": [date(2024, 1, 1)]}},
+            "plant: datetime.date(2024, 1, 1) is a date, need",
+        ),
+        ({"random": {"factors": {"plant": {"choices": [b"a"]}}}}, "plant: b'a' is a bytes, need"),
+        (
+            {"random": {"factors": {"controllers": {"choices": [["pid"]]}}}},
+            "pid changes which runs the study has, and a random factor must not: make it an axis",
+        ),
+        (
+            {"random": {"factors": {"tasks.noise.repeats": {"low": 1, "high": 4}}}},
+            "tasks.noise.repeats: the range changes which runs the study has",
+        ),
         ({"axes": {"start.yaw": [9.0]}}, "is 9 rad, need -6.3 to 6.3 rad"),
         ({"axes": {"plant_robot.com": [[9.0, 0.0]]}}, "plant_robot.com"),
         ({"random": {"method": "sobolev"}}, "random.method"),
@@ -170,6 +187,47 @@ def test_all_problems_are_named_at_once():
 )
 def test_each_problem_says_what_is_wrong(keys, fact):
     assert fact in problems(**keys)
+
+
+CHOICES = {
+    "robot": ["kiwi", {"name": "mecanum"}],
+    "plant_robot": [None, "kiwi", {"name": "paper", "mass": 20.0}],
+    "map": [{"source": "paper"}, {"source": "paper", "margin": 0.1}],
+    "controllers.pid": ["pid", {"type": "pid", "position": {"kp": 3.5}}, {"type": "feedforward"}],
+    "controllers.pid.position.kp": [None, 3.0],
+    "reference": ["path", {"type": "circle", "radius": 1.0}],
+    "sensors": [None, {"estimator": "kalman"}, {"estimator": "latest-fix"}],
+    "faults": [[], [{"kind": "push", "at": 5}]],
+    "plant": ["planar", {"type": "kinematic"}],
+    "plant_robot.lag": [[0.1, 0.1], None],
+    "start": [[1, 1], [1, 1.1, 0.1]],
+    "goal.x": [8, 7.9],
+    "path": [{"search": "greedy"}, {"search": "astar"}],
+    "preset": ["paper", "recommended"],
+    "sample_time": [0.05, 0.1, 0.05],
+}
+
+
+@pytest.mark.parametrize("path", CHOICES)
+def test_values_mean_the_same_in_an_axis_and_in_a_random_factor(path):
+    """Labels, scenarios and the saved file; a repeated choice has twice the probability."""
+    tasks = {"track": {"durations": [60]}}
+    head = {**HEAD, "set": {"tasks": tasks, "controllers": ["pid"]}}
+    values = CHOICES[path]
+    unique = [each for k, each in enumerate(values) if each not in values[:k]]
+    axis = parse_definition({**head, "axes": {path: unique}}, "x")
+    random = parse_definition(
+        {**head, "random": {"factors": {path: {"choices": values}}}, "repetitions": 16}, "x"
+    )
+    expected = {run.factors[path]: run.scenario for run in RunPlan(axis)}
+    assert len(expected) == len(unique)
+    for definition in (random, parse_definition(definition_data(random), "x")):
+        found = {run.factors[path]: run.scenario for run in RunPlan(definition)}
+        assert {k: v.with_values(seed=1) for k, v in found.items()} == {
+            k: v.with_values(seed=1) for k, v in expected.items()
+        }
+    drawn = [run.factors[path] for run in RunPlan(random)]
+    assert drawn.count(0.05) in ({10, 11} if path == "sample_time" else {0})
 
 
 def test_code_in_a_study_is_refused_unless_allowed(tmp_path):

@@ -186,6 +186,10 @@ def test_random_factors_are_within_their_ranges():
         assert abs(np.log10(frictions).mean() + 0.5) < 0.2
         horizons = {run.scenario.controllers["unicycle-nmpc"].values["horizon"] for run in runs}
         assert horizons <= {5, 6, 7, 8, 9}
+        assert len(horizons) > 2
+        for run in (each for each in plan if each.job.controller == "unicycle-nmpc"):
+            own = run.scenario.controllers["unicycle-nmpc"].values["horizon"]
+            assert run.job.task == "horizon" or run.job.horizon == own
         assert {run.scenario.sample_time for run in runs} == {0.05, 0.1}
         gains = [run.factors["plant_robot.servo_gain times"] for run in runs]
         assert 0.5 <= min(gains) < max(gains) <= 2.0
@@ -195,7 +199,7 @@ def test_sobol_samples_fill_the_range_evenly():
     """Also over the boundary of the blocks in which they are drawn."""
     factor = parse_factor("x", ("sample_time",), {"low": 8, "high": 12})
     factors = RandomFactors((factor,))
-    values = [factors.sample(k, 1, seed=1)[0] for k in range(2048)]
+    values = [factors.sample(k, 1, seed=1)[0].value for k in range(2048)]
     assert set(np.histogram(values, bins=128, range=(8, 12))[0]) == {16}
 
 

@@ -105,8 +105,24 @@ def test_exception_of_a_call_is_raised_here(call, message):
 
 
 def test_processes_that_do_not_start_end_the_calls():
-    with pytest.raises(WorkerLost, match="worker processes end while they start"):
+    with pytest.raises(WorkerLost, match=r"3 worker processes in succession are killed while they"):
         outcomes([partial(answer, 1)], setup=partial(send_signal, signal.SIGKILL))
+
+
+def killed_times(folder, times):
+    """Kill this process unless that has been done a number of times."""
+    number = len(list(folder.iterdir()))
+    if number < times:
+        (folder / f"{number}").touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_two_processes_that_are_killed_while_they_start_are_replaced(tmp_path):
+    calls = [partial(answer, k) for k in range(4)]
+    assert outcomes(calls, size=1, setup=partial(killed_times, tmp_path, 2)) == {
+        k: k for k in range(4)
+    }
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_exception_at_the_start_is_raised_here():
@@ -115,7 +131,7 @@ def test_exception_at_the_start_is_raised_here():
 
 
 def test_process_that_stops_at_its_start_is_ended_by_the_time_limit():
-    with pytest.raises(WorkerLost):
+    with pytest.raises(WorkerLost, match="exceed the time limit while they start"):
         outcomes([partial(answer, 1)], setup=partial(sleep, 600), time_limit=0.2, start_limit=0.2)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,9 @@ _NOTHING = {"", "~", "null", "Null", "NULL"}
 def read_yaml(path: Path, kind: str, error_type: type[Exception]) -> Any:
     """Return the plain value in a YAML file of at most 100 kB without aliases.
 
-    Only decimal numbers are numbers; ``1_000``, ``1:30``, ``010`` and ``0x10`` are text.
+    Values are mappings, lists, text, numbers, true, false and null. Only decimal numbers are
+    numbers; ``1_000``, ``1:30``, ``010``, ``0x10`` and dates are text. Aliases, tags, duplicate
+    keys and more than 30 levels of nesting are errors.
 
     Args:
         path: The file, in UTF-8.
@@ -149,13 +151,25 @@ _PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _Loader(yaml.SafeLoader):
-    """Loader without aliases, which can expand a short file enormously, and with finite numbers."""
+    """Loader of plain values without aliases, which can expand a short file enormously."""
+
+    depth = 0
+    """Number of open collections."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        """Raise YAMLError for an alias."""
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("aliases (*name) are not allowed")
-        return super().compose_node(parent, index)
+        """Raise YAMLError for an alias, a tag, or deep nesting."""
+        peek: Callable[[], yaml.Event] = self.peek_event  # untyped in its stubs
+        event: Any = peek()
+        if isinstance(event, yaml.AliasEvent):
+            raise _refused(event, "aliases (*name) are not allowed")
+        if event.tag is not None:
+            raise _refused(event, "tags (!name) are not allowed")
+        self.depth += 1
+        if self.depth > _MAX_DEPTH:
+            raise _refused(event, f"it is nested more than {_MAX_DEPTH} deep")
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         """Raise ConstructorError for a duplicate key; PyYAML would silently keep the last."""
@@ -171,10 +185,10 @@ class _Loader(yaml.SafeLoader):
 
     def construct_number(self, node: Any) -> int:
         """Raise ConstructorError for an integer beyond the range of floats."""
-        value: int = self.construct_yaml_int(node)
         try:
+            value: int = self.construct_yaml_int(node)
             float(value)
-        except OverflowError:
+        except (OverflowError, ValueError):  # ValueError: more than 4300 digits
             raise yaml.constructor.ConstructorError(
                 None, None, "found an integer beyond 1.8e308", node.start_mark
             ) from None
@@ -182,8 +196,9 @@ class _Loader(yaml.SafeLoader):
 
 
 _INT, _FLOAT = "tag:yaml.org,2002:int", "tag:yaml.org,2002:float"
+_KEPT = {f"tag:yaml.org,2002:{kind}" for kind in ("bool", "null")}  # not: dates, <<, =
 _Loader.yaml_implicit_resolvers = {
-    first: [each for each in pairs if each[0] not in {_INT, _FLOAT}]
+    first: [each for each in pairs if each[0] in _KEPT]
     for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
 # those of YAML 1.1 without underscores (1_000), sexagesimal (1:30), octal and hexadecimal numbers

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import count
 from json import dumps
 from math import isfinite
 from typing import Any, Literal, cast
@@ -86,10 +87,10 @@ def parse_axis(path: str, source: Any, find: Callable[[str], Keys]) -> Axis:
         values = _grid(source)
     else:
         raise InvalidStudy(f"{_FORMS}, got {short_repr(source)}")
-    labels = list(map(label_of, values)) if names is None else names
     _check_values(values)
+    labels = list(map(label_of, values)) if names is None else names
     settings = tuple((Setting(keys, each, relative),) for each in values)
-    return Axis(path, source, _distinct(labels), settings, relative)
+    return Axis(path, source, numbered(values, labels), settings, relative)
 
 
 def _cases(path: str, source: Any, find: Callable[[str], Keys]) -> Axis:
@@ -101,7 +102,7 @@ def _cases(path: str, source: Any, find: Callable[[str], Keys]) -> Axis:
         if not isinstance(case, dict) or not all(isinstance(each, str) for each in case):
             raise InvalidStudy(f"the case '{label}' needs a mapping of settings to values")
         settings.append(tuple(Setting(find(each), value) for each, value in case.items()))
-    return Axis(path, source, _distinct(labels), tuple(settings))
+    return Axis(path, source, numbered(cases, labels), tuple(settings))
 
 
 def _check_values(values: list[Any]) -> None:
@@ -109,9 +110,30 @@ def _check_values(values: list[Any]) -> None:
         raise InvalidStudy("has no values")
     if len(values) > MAX_VALUES:
         raise InvalidStudy(f"has {len(values)} values, need at most {MAX_VALUES}")
-    texts = [dumps(each, sort_keys=True, default=str) for each in values]
-    if len(set(texts)) < len(texts):
+    check_plain(values)
+    if len(set(map(_text, values))) < len(values):
         raise InvalidStudy("contains a value twice")
+
+
+def check_plain(value: Any) -> None:
+    """Raise InvalidStudy unless a value is of the kinds that a scenario file contains."""
+    if isinstance(value, dict):
+        odd = [key for key in value if not isinstance(key, str)]
+        if odd:
+            raise InvalidStudy(f"the key {short_repr(odd[0])} is no text; write it in quotes")
+        value = list(value.values())
+    if isinstance(value, list):
+        for each in value:
+            check_plain(each)
+    elif not (value is None or isinstance(value, str | bool | int | float)):
+        raise InvalidStudy(
+            f"{short_repr(value)} is a {type(value).__name__}, need numbers, texts, true, false, "
+            "null, and lists and mappings of these"
+        )
+
+
+def _text(value: Any) -> str:
+    return dumps(value, sort_keys=True)
 
 
 def moved_files(axis: Axis, move: Callable[[str], str]) -> Any:
@@ -150,14 +172,16 @@ def label_of(value: Any) -> Label:
     return one_line(", ".join(f"{k} {label_of(each)}" for k, each in value.items()), 80)
 
 
-def _distinct(labels: Sequence[Label]) -> tuple[Label, ...]:
-    """Return labels that differ: equal ones are numbered."""
-    counts: dict[Label, int] = {}
-    found: list[Label] = []
-    for label in labels:
-        counts[label] = counts.get(label, 0) + 1
-        found.append(label if counts[label] == 1 else f"{label} ({counts[label]})")
-    return tuple(found)
+def numbered(values: Sequence[Any], labels: Sequence[Label]) -> tuple[Label, ...]:
+    """Return labels that differ if the values do: equal ones of different values are numbered."""
+    found: dict[str, Label] = {}
+    used: set[Label] = set()
+    for value, label in zip(map(_text, values), labels, strict=True):
+        free = (f"{label} ({k})" for k in count(2))
+        if value not in found:
+            found[value] = label if label not in used else next(e for e in free if e not in used)
+            used.add(found[value])
+    return tuple(found[value] for value in map(_text, values))
 
 
 def _numbers(value: Any) -> list[float]:

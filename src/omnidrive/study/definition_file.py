@@ -264,7 +264,7 @@ def definition_data(definition: StudyDefinition, file: StrPath | None = None) ->
 
     random = definition.random
     factors = {
-        each.path: {"choices": [relocated(value, each.keys, move) for value in each.choices]}
+        each.path: {"choices": [relocated(v, each.keys, move) for v in each.source["choices"]]}
         if each.choices
         else each.source
         for each in random.factors

@@ -15,6 +15,7 @@ from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidInput, InvalidStudy, one_line, short_repr, suggestion
 from omnidrive.study.axes import Axis, Label, moved_files, parse_axis
 from omnidrive.study.definition import Condition
+from omnidrive.study.jobs import Job, jobs_of
 from omnidrive.study.random_factors import MAX_DIMENSIONS, RandomFactor, parse_factor
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import problems_of, scenario_data
@@ -55,33 +56,53 @@ class DefinitionParser:
             except InvalidStudy as error:
                 self._note(path, error)
                 continue
-            settings = tuple(
-                self._checked(path, str(label), each)
-                for label, each in zip(axis.labels, axis.settings, strict=True)
-            )
-            labels = tuple(map(_label, axis.labels, settings))
+            labels, settings = self._resolved(path, axis.labels, axis.settings)
             found.append(replace(axis, settings=settings, labels=labels))
         return tuple(found)
 
     def factors(self, sources: Mapping[str, Any]) -> tuple[RandomFactor, ...]:
-        """Return the random factors, the ends of which are checked."""
+        """Return the random factors, with checked and completed choices and checked ranges."""
         found = []
         for path, source in sources.items():
             try:
-                keys = self._find(path)
-                factor = parse_factor(path, keys, source)
-                if factor.choices:
-                    moved = [relocated(each, keys, self._move) for each in factor.choices]
-                    factor = parse_factor(path, keys, {"choices": moved})
+                factor = parse_factor(path, self._find(path), source)
             except InvalidStudy as error:
                 self._note(path, error)
                 continue
+            if factor.choices:
+                found.append(self._with_choices(factor))
+                continue
             for end in factor.ends:
-                self._checked(path, "", (Setting(keys, end, factor.relative, drawn=True),))
+                setting = Setting(factor.keys, end, factor.relative, drawn=True)
+                self._checked(path, "", (setting,), is_random=True)
             found.append(factor)
         if sum(each.dimensions for each in found) > MAX_DIMENSIONS:
             self.problems.append(f"random has more than {MAX_DIMENSIONS} numbers")
         return tuple(found)
+
+    def _with_choices(self, factor: RandomFactor) -> RandomFactor:
+        """Return a factor with checked and completed choices."""
+        keys = factor.keys
+        moved = [relocated(each, keys, self._move) for each in factor.choices]
+        given = [(Setting(keys, each),) for each in moved]
+        labels, settings = self._resolved(factor.path, factor.labels, given, is_random=True)
+        choices = tuple(each.value for (each,) in settings)
+        return replace(factor, source={"choices": moved}, choices=choices, labels=labels)
+
+    def _resolved(
+        self,
+        path: str,
+        labels: Sequence[Label],
+        settings: Sequence[tuple[Setting, ...]],
+        *,
+        is_random: bool = False,
+    ) -> tuple[tuple[Label, ...], tuple[tuple[Setting, ...], ...]]:
+        """Return the values of an axis or random factor as the scenario holds them."""
+        found = tuple(
+            self._checked(path, str(label), each, is_random=is_random)
+            for label, each in zip(labels, settings, strict=True)
+        )
+        return tuple(map(_label, labels, found)), found
 
     def check_overlap(self, axes: Sequence[Axis], factors: Sequence[RandomFactor]) -> None:
         """Note paths that occur twice, or one within another."""
@@ -140,7 +161,9 @@ class DefinitionParser:
     def _find(self, path: str) -> Keys:
         return find_keys(self._data, path)
 
-    def _checked(self, path: str, label: str, settings: tuple[Setting, ...]) -> tuple[Setting, ...]:
+    def _checked(
+        self, path: str, label: str, settings: tuple[Setting, ...], *, is_random: bool = False
+    ) -> tuple[Setting, ...]:
         """Return settings with the values as the scenario holds them; note what it refuses."""
         try:
             data = variant_data(self._data, settings)
@@ -151,6 +174,11 @@ class DefinitionParser:
             for robot in {"robot", "plant_robot"} & sections.keys():
                 if sections[robot] is not None:
                     robot_in(sections[robot])
+            if is_random and _runs(variant) != _runs(self._scenario):
+                raise InvalidStudy(
+                    f"{label or 'the range'} changes which runs the study has, and a random factor "
+                    "must not: make it an axis"
+                )
         except ValidationError as error:
             self.problems += [
                 fact if path.partition(".")[0] in fact else f"{path} {label}: {fact}"
@@ -168,6 +196,12 @@ class DefinitionParser:
     def _note(self, path: str, error: Exception) -> None:
         text = str(error)
         self.problems.append(text if f"'{path}'" in text else f"{one_line(path, 80)}: {text}")
+
+
+def _runs(scenario: Scenario) -> list[Job]:
+    """Return the runs of a scenario, whatever the horizons of its controllers."""
+    jobs = jobs_of(scenario)
+    return [each if each.task == "horizon" else each._replace(horizon=None) for each in jobs]
 
 
 def _label(label: Label, settings: tuple[Setting, ...]) -> Label:

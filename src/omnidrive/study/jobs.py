@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -64,11 +65,7 @@ class Job(NamedTuple):
 def jobs_of(scenario: Scenario) -> list[Job]:
     """Return all runs of the study, in the order of the results."""
     tasks, jobs = scenario.tasks, []
-
-    def horizon(label: str) -> int | None:
-        """Return the horizon of a controller in steps; None: it has none."""
-        return getattr(scenario.controllers[label].parameters, "horizon", None)
-
+    horizon = partial(horizon_of, scenario)
     for duration in tasks.track.durations if tasks.track else ():
         jobs += [Job("track", name, duration, horizon(name)) for name in scenario.controllers]
     if tasks.noise:
@@ -93,6 +90,11 @@ def jobs_of(scenario: Scenario) -> list[Job]:
             for name in scenario.controllers
         ]
     return jobs
+
+
+def horizon_of(scenario: Scenario, controller: str) -> int | None:
+    """Return the horizon of the controller with a label, in steps; None: it has none."""
+    return getattr(scenario.controllers[controller].parameters, "horizon", None)
 
 
 def _swept(scenario: Scenario) -> str | None:

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidStudy, one_line, short_repr, suggestion
-from omnidrive.study.axes import check_scale, factor_name, is_finite_number, label_of
+from omnidrive.study.axes import (
+    Label,
+    check_plain,
+    check_scale,
+    factor_name,
+    is_finite_number,
+    label_of,
+    numbered,
+)
 from omnidrive.study.scenario_path import Keys
 
 Method = Literal["sobol", "latin-hypercube", "independent"]
@@ -26,6 +34,14 @@ _RANGE = ("low", "high", "scale")
 _FORMS = "need {low: 8, high: 12}, {times: {low: 0.7, high: 1.4}} or {choices: [...]}"
 
 
+class Sample(NamedTuple):
+    """Value of a factor in one repetition."""
+
+    value: Any
+    label: Label
+    """The value in tables."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class RandomFactor:
     """A setting of the scenario and its distribution.
@@ -38,6 +54,7 @@ class RandomFactor:
         high: Upper ends.
         log: Whether the logarithm of each number is uniformly distributed, instead of the number.
         choices: Values with equal probabilities; empty: a range.
+        labels: The choices in tables; those of different values differ.
         relative: Whether the numbers are multiples of the setting in the scenario.
     """
 
@@ -48,6 +65,7 @@ class RandomFactor:
     high: tuple[float, ...] = ()
     log: bool = False
     choices: tuple[Any, ...] = ()
+    labels: tuple[Label, ...] = ()
     relative: bool = False
 
     @property
@@ -59,7 +77,7 @@ class RandomFactor:
     def distribution(self) -> str:
         """The distribution in words, such as ``0.7 to 1.4``; numbers in the unit of the setting."""
         if self.choices:
-            return f"one of {', '.join(map(str, map(label_of, self.choices)))}"
+            return f"one of {', '.join(map(str, self.labels))}"
         ranges = [f"{low:g} to {high:g}" for low, high in zip(self.low, self.high, strict=True)]
         return ", ".join(ranges) + (", uniform in the logarithm" if self.log else "")
 
@@ -68,21 +86,25 @@ class RandomFactor:
         """Number of random numbers of one value."""
         return 1 if self.choices else len(self.low)
 
-    def value(self, uniforms: Float[Array, " dimensions"]) -> Any:
+    def sample(self, uniforms: Float[Array, " dimensions"]) -> Sample:
         """Return the value for random numbers of [0, 1)."""
         if self.choices:
-            return self.choices[int(uniforms[0] * len(self.choices))]
+            index = int(uniforms[0] * len(self.choices))
+            return Sample(self.choices[index], self.labels[index])
+        value = self._between(uniforms)
+        return Sample(value, label_of(value))
+
+    @property
+    def ends(self) -> tuple[Any, Any]:
+        """Both ends of a range."""
+        return self._between(np.zeros(self.dimensions)), self._between(np.ones(self.dimensions))
+
+    def _between(self, uniforms: Float[Array, " dimensions"]) -> Any:
+        """Return the value of a range for random numbers of [0, 1]."""
         low, high = np.array(self.low), np.array(self.high)
         drawn = low * (high / low) ** uniforms if self.log else low + (high - low) * uniforms
         numbers = np.clip(drawn, low, high).tolist()
         return numbers if isinstance(_range(self.source).get("low"), list) else numbers[0]
-
-    @property
-    def ends(self) -> tuple[Any, ...]:
-        """Values to check before any run: the choices, or both ends of the range."""
-        if self.choices:
-            return self.choices
-        return self.value(np.zeros(self.dimensions)), self.value(np.ones(self.dimensions))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -104,7 +126,7 @@ class RandomFactors:
         """Whether further repetitions leave the samples of the present ones as they are."""
         return self.method != "latin-hypercube" or not self.factors
 
-    def sample(self, repetition: int, repetitions: int, seed: int) -> list[Any]:
+    def sample(self, repetition: int, repetitions: int, seed: int) -> list[Sample]:
         """Return the value of each factor.
 
         Args:
@@ -123,7 +145,7 @@ class RandomFactors:
             row = _generator(seed, _STREAM, repetition).random(dimensions)
         values, first = [], 0
         for factor in self.factors:
-            values.append(factor.value(row[first : first + factor.dimensions]))
+            values.append(factor.sample(row[first : first + factor.dimensions]))
             first += factor.dimensions
         return values
 
@@ -175,7 +197,9 @@ def parse_factor(path: str, keys: Keys, source: Any) -> RandomFactor:
         choices = source["choices"]
         if not isinstance(choices, list) or not choices:
             raise InvalidStudy(f"choices: needs a list of values, got {short_repr(choices)}")
-        return RandomFactor(path, keys, source, choices=tuple(choices))
+        check_plain(choices)
+        labels = numbered(choices, list(map(label_of, choices)))
+        return RandomFactor(path, keys, source, choices=tuple(choices), labels=labels)
     relative = source.keys() == {"times"}
     inner = _range(source)
     odd = [str(key) for key in inner if key not in _RANGE]

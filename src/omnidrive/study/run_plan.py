@@ -14,9 +14,9 @@ from pydantic import ValidationError
 from omnidrive.components.code import CodePermission
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidStudy
-from omnidrive.study.axes import Axis, Label, label_of
+from omnidrive.study.axes import Axis, Label
 from omnidrive.study.definition import Condition, StudyDefinition
-from omnidrive.study.jobs import Job, faults_of, jobs_of
+from omnidrive.study.jobs import Job, faults_of, horizon_of, jobs_of
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.random_factors import repetition_seed
 from omnidrive.study.run_key import KeyMaker
@@ -126,9 +126,12 @@ class RunPlan(Sequence[PlannedRun]):
         pairing = repetition * self._pair_starts[-1] + self._pair_starts[group]
         pairing += values * jobs.pair_count + jobs.pairs[index]
         scenario, refused = self._scenario(repetition, group, values)
+        job = jobs.jobs[index]
+        if self.definition.random.factors and job.task != "horizon":  # of a random controller
+            job = job._replace(horizon=horizon_of(scenario, job.controller))
         return PlannedRun(
-            number, self._key(*place), pairing, dict(variant.factors), scenario, jobs.jobs[index],
-            repetition, refused,
+            number, self._key(*place), pairing, dict(variant.factors), scenario, job, repetition,
+            refused,
         )  # fmt: skip
 
     def _place(self, number: int) -> tuple[int, int, int, int]:
@@ -173,9 +176,10 @@ class RunPlan(Sequence[PlannedRun]):
             settings += axis.settings[index]
         seed, count = definition.scenario.seed, definition.repetitions
         sample = definition.random.sample(repetition, count, seed)
-        for factor, value in zip(definition.random.factors, sample, strict=True):
-            factors[factor.name] = label_of(value)
-            settings.append(Setting(factor.keys, value, factor.relative, drawn=True))
+        for factor, (value, label) in zip(definition.random.factors, sample, strict=True):
+            factors[factor.name] = label
+            is_range = not factor.choices
+            settings.append(Setting(factor.keys, value, factor.relative, drawn=is_range))
         data = variant_data(definition.data, settings)
         changed = changed_sections(settings)
         if repetition:

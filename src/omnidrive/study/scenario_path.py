@@ -66,7 +66,7 @@ def find_keys(data: dict[str, Any], path: str, *, addable: bool = False) -> Keys
     node: Any = known
     keys: list[str | int] = []
     rest = path
-    while rest:
+    while True:
         key = _first_key(node, rest, in_waypoint=keys in [[each] for each in _WAYPOINTS])
         if key is None and addable and keys == ["controllers"] and "." not in rest:
             return ("controllers", rest)
@@ -76,8 +76,9 @@ def find_keys(data: dict[str, Any], path: str, *, addable: bool = False) -> Keys
         text, found = key, _index(key) if isinstance(node, list) else key
         keys.append(found)
         node = node[found] if not isinstance(found, int) or found < len(node) else None
+        if rest == text:
+            return tuple(keys)
         rest = rest[len(text) + 1 :]
-    return tuple(keys)
 
 
 def with_plant_robot(data: dict[str, Any]) -> dict[str, Any]:

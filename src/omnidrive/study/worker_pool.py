@@ -37,7 +37,7 @@ from omnidrive.files.child_processes import safe_path
 from omnidrive.study.heartbeat import Heartbeat
 
 _ATTEMPTS = 3  # of a call whose process is killed
-_MAX_FAILED_STARTS = 2  # in succession, of processes that end before they are ready
+_MAX_FAILED_STARTS = 3  # in succession, of processes that end before they are ready
 _TICK = 1.0  # s between checks while nothing happens
 _SHORT = 2000  # bytes of a message; a pipe takes it at once, even without a reader
 
@@ -177,7 +177,7 @@ class WorkerPool:
             timeout: Return an empty list after this wall time, s. None: do not.
 
         Raises:
-            WorkerLost: Two processes in succession ended before they were ready.
+            WorkerLost: Three processes in succession ended before they were ready.
             Exception: That of a call, with the traceback in its process as a note; RuntimeError if
                 it or the result cannot be pickled, and instead of SystemExit and the like.
         """
@@ -263,10 +263,11 @@ class WorkerPool:
             if call is None:
                 self._failed_starts += 1
                 if self._failed_starts == _MAX_FAILED_STARTS:
+                    cause = "exceed the time limit" if worker.timed_out else "are killed"
                     raise WorkerLost(
-                        "worker processes end while they start, possibly because memory ran out; "
-                        "finished runs are kept. One run at a time needs the least memory: --jobs "
-                        "1 (in Python: processes=1)"
+                        f"{_MAX_FAILED_STARTS} worker processes in succession {cause} while they "
+                        "start, possibly because memory ran out; finished runs are kept. One run "
+                        "at a time needs the least memory: --jobs 1 (in Python: processes=1)"
                     )
                 return None
             return Ended(call, Lost.TIMED_OUT if worker.timed_out else Lost.KILLED)

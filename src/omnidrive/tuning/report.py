@@ -252,9 +252,5 @@ def _set_text(definition: StudyDefinition) -> str:
     parts = [f"seed {definition.scenario.seed}", f"{definition.repetitions} repetitions"]
     for axis in definition.axes:
         parts.append(f"{axis.name}: {', '.join(map(str, axis.labels))}")
-    for factor in definition.random.factors:
-        low, high = (
-            f"{end:.4g}" if isinstance(end, float) else str(end) for end in factor.ends[:2]
-        )
-        parts.append(f"{factor.name} {low} to {high}")
+    parts += [f"{each.name} {each.distribution}" for each in definition.random.factors]
     return "; ".join(parts)

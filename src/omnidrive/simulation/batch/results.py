@@ -83,7 +83,7 @@ def run_of(  # noqa: PLR0917
         times: Time of each sample, s.
         wheels: Number of wheels.
         units: Name and unit of each detail of the controller.
-        events: Start and end of the faults, and the sample in which each acts.
+        events: Events, and the sample in which each happens; -1: before the first.
         forces: Whether the plant has forces, and so reports torques.
     """
     rows = int(figures[loop.ROWS])

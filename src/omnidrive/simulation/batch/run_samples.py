@@ -12,8 +12,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from omnidrive.arrays import Array
-from omnidrive.control import Controller, RetimingController
+from omnidrive.control import Controller, LimitedController, RetimingController
 from omnidrive.control.compiled_law import SetpointWindow
+from omnidrive.control.controller import limits_notice
 from omnidrive.control.reference_window import ReferenceWindow
 from omnidrive.control.supervision import Event
 from omnidrive.errors import PART_ERRORS, InvalidInput
@@ -37,7 +38,8 @@ class RunSamples(NamedTuple):
     changes: tuple[tuple[int, Disturbances], ...]
     """Samples in which the disturbances of the plant change, and the new ones."""
     events: tuple[tuple[int, Event], ...]
-    """Samples in which faults start or end, and their events."""
+    """Events in the order of ``simulate``, and the samples in which faults start or end; -1 for
+    notices of the controller at the start."""
 
 
 @dataclass(slots=True)
@@ -101,11 +103,14 @@ class Sampler:
             )
         if schedule is not None:
             schedule.check(duration)
-        tracked, notices = reference, list[tuple[int, Event]]()
+        tracked, notices = reference, list[str]()
         if isinstance(self.controller, RetimingController):
             tracked, notice = self.controller.retime(reference)
             duration = max(duration, tracked.duration)
-            notices += [(0, Event(0.0, notice))] if notice else []
+            notices.append(notice)
+        if isinstance(self.controller, LimitedController):
+            with suppress(*PART_ERRORS):  # of a reference; the run then fails in a sample
+                notices.append(limits_notice(self.controller, reference, self.dt))
         if rng is None:
             times = self.dt * np.arange(round(duration / self.dt) + 1)
             steps = np.full(len(times), self.dt)
@@ -124,7 +129,8 @@ class Sampler:
             times, steps, targets, found.rows, self.window.length, found.first, found.last,
             delays, flags,
         )  # fmt: skip
-        return RunSamples(arrays, changes, (*notices, *events))
+        events += [(-1, Event(0.0, notice)) for notice in notices if notice]
+        return RunSamples(arrays, changes, tuple(sorted(events, key=lambda each: each[1].t)))
 
     def _targets(
         self, reference: Reference, times: Float[Array, " samples"], even: bool
@@ -224,12 +230,12 @@ def _faults(
 ) -> tuple[
     Int[Array, " samples"],
     tuple[tuple[int, Disturbances], ...],
-    tuple[tuple[int, Event], ...],
+    list[tuple[int, Event]],
 ]:
     """Return the flags of every sample, the changes of the disturbances, and the events."""
     flags = np.zeros(len(times), np.int64)
     if schedule is None:
-        return flags, (), ()
+        return flags, (), []
     changes: set[int] = set()
     events: list[tuple[int, Event]] = []
     for fault in schedule.faults:
@@ -248,4 +254,4 @@ def _faults(
         if at_once or disturbances != applied:
             found.append((k, disturbances))
             applied = disturbances
-    return flags, tuple(found), tuple(sorted(events, key=lambda each: each[0]))
+    return flags, tuple(found), events
