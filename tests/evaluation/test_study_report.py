@@ -2,18 +2,21 @@
 
 import re
 from hashlib import sha256
+from html import escape
 
 import numpy as np
 import pyarrow as pa
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, one_line
 from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.evidence_tables import _interval_note, evidence_tables
 from omnidrive.evaluation.figures.study_catalogue import study_figures
 from omnidrive.evaluation.figures.study_cost import CostPoint, cost_points, pareto_front
 from omnidrive.evaluation.figures.study_distributions import paired_intervals
+from omnidrive.evaluation.figures.style import figure_style
 from omnidrive.evaluation.page import PageFigure
 from omnidrive.evaluation.page.evidence import EvidencePage
 from omnidrive.evaluation.run_table import RunTable
@@ -232,3 +235,47 @@ def test_notes_name_the_repetitions_that_a_difference_needs():
     assert "With 3 repetitions no difference between runs that vary can be shown at 5 %" in few
     assert "3 pairs of controllers need at least 7" in few
     assert "need at least" not in enough
+
+
+def test_the_answer_says_where_another_controller_is_best():
+    """fuzzy_t2 is best on average and without noise, pid with the most noise."""
+
+    def value(name, factors):
+        return {"pid": -0.02, "fuzzy_t2": 0.0}[name] * (factors["noise"] == 3.0)
+
+    axes = {"noise": [0.0, 1.0, 2.0, 3.0], "floor": ["dry", "wet"]}
+    table = synthetic_table({"pid": 0.06, "fuzzy_t2": 0.05}, axes=axes, value=value)
+    (answer,) = study_answers(StudyEvidence(RunTable(table)))
+    assert answer.along == ("Along noise the best one differs: fuzzy_t2 at 0, 1 and 2; pid at 3.",)
+    assert "fuzzy_t2 is best on average, ME" in answer.lead
+    assert answer.along[0] in answer.lead
+    same = synthetic_table({"pid": 0.06, "fuzzy_t2": 0.05}, axes=axes)
+    (plain,) = study_answers(StudyEvidence(RunTable(same)))
+    assert plain.along == ()
+    assert "on average" not in plain.lead
+
+
+ODD = [
+    "$$", "$x^2$", r"\frac{", "a_b%", "<b>bold</b>", "{}", "a\nb", "m&m", "\u202eabc", "\U0001f916",
+    "x" * 60, "$", "^{",
+]  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore:Glyph")
+@pytest.mark.parametrize("label", ODD)
+def test_labels_are_shown_literally(label, tmp_path):
+    """In figures, on the page and in tables, as names of controllers and values of axes."""
+    table = synthetic_table(
+        {label: 0.06, "pid": 0.05}, repetitions=8, axes={"floor": [label, "dry"]}
+    )
+    study = StudyEvidence(RunTable(table))
+    answers = study_answers(study)
+    for each in study_figures(study, answers, FACTS.styles(study.runs.controllers)):
+        drawn = [text for text in each.figure.findobj(Text) if label in text.get_text()]
+        assert not any(text.get_parse_math() for text in drawn)
+        with figure_style():
+            each.figure.savefig(tmp_path / "figure.png", dpi=30)
+    list(write_study_report(study, FACTS, study_tables(study, FACTS), tmp_path / "report"))
+    page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    assert "<b>bold" not in page
+    assert escape(label) in page or escape(one_line(label)) in page

@@ -25,7 +25,7 @@ from omnidrive.evaluation.study_answer import (
     study_answers,
     value_text,
 )
-from omnidrive.evaluation.table import NO_VALUE, Table, number_text
+from omnidrive.evaluation.table import NO_VALUE, Table, level_text, number_text
 from omnidrive.evaluation.uncertainty import p_text
 from omnidrive.evaluation.variance_shares import variance_shares
 
@@ -243,11 +243,6 @@ def _pair_row(pair: PairEvidence) -> tuple[str, ...]:
         str(pair.difference.sample_size),
         pair.verdict,
     )
-
-
-def level_text(level: object) -> str:
-    """Return the value of an axis as text."""
-    return f"{level:g}" if isinstance(level, float) else str(level)
 
 
 def _axis_table(study: StudyEvidence, answers: Sequence[TaskAnswer], path: str) -> Table:

@@ -16,10 +16,11 @@ from omnidrive.evaluation.evidence import (
     TaskEvidence,
 )
 from omnidrive.evaluation.run_table import RunTable, Task
-from omnidrive.evaluation.table import number_text
+from omnidrive.evaluation.table import level_text, number_text
 
 _MEASURES = {"step": "settling_time", "faults": "worst_error"}
 """Compared quantity of a task, if it is not the mean error."""
+_MAX_LISTED = 4  # values of an axis in a sentence
 
 
 class TaskAnswer(NamedTuple):
@@ -29,6 +30,8 @@ class TaskAnswer(NamedTuple):
     """Evidence of the compared quantity."""
     success: TaskEvidence | None
     """Evidence of the success rate; None if all runs are finished."""
+    along: tuple[str, ...] = ()
+    """Sentences on axes along which another controller than the leader is shown to be better."""
 
     @property
     def lead(self) -> str:
@@ -48,11 +51,16 @@ class TaskAnswer(NamedTuple):
                 "repetitions for an interval; more of them show whether the difference is real."
             )
         if len(best) == 1:
-            return f"{task}: {first.controller} is best, {measure} {value}.{self._failing(best)}"
+            where = " on average" if self.along else ""
+            return (
+                f"{task}: {first.controller} is best{where}, {measure} {value}."
+                f"{self._along}{self._failing(best)}"
+            )
         rest = len(evidence.ranking) > len(best)
         return (
             f"{task}: no difference in {measure} is shown between {first.controller}, {value}, and "
-            f"{_listed(best[1:])}{'; the others are worse' if rest else ''}.{self._failing(best)}"
+            f"{_listed(best[1:])}{'; the others are worse' if rest else ''}."
+            f"{self._along}{self._failing(best)}"
         )
 
     @property
@@ -64,6 +72,10 @@ class TaskAnswer(NamedTuple):
         others = (each.controller for each in self.evidence.ranking)
         pairs = (self.evidence.pair(leader.controller, other) for other in others)
         return tuple(_with_detail(pair) for pair in pairs if pair)
+
+    @property
+    def _along(self) -> str:
+        return "".join(f" {each}" for each in self.along)
 
     def _failing(self, best: Sequence[str]) -> str:
         """Return a warning of the best controllers that finish fewer runs than another."""
@@ -99,11 +111,42 @@ def study_answers(study: StudyEvidence, metric: str | None = None) -> list[TaskA
         every = study.of("finished")
         success = {e.task: e for e in every if any(s.finished < s.runs for s in e.summaries)}
     return [
-        TaskAnswer(evidence, success.get(task))
+        TaskAnswer(evidence, success.get(task), _differing(study, evidence))
         for task in runs.tasks
         for evidence in study.of(metric or main_metric(runs, task))
         if evidence.task == task
     ]
+
+
+def _differing(study: StudyEvidence, evidence: TaskEvidence) -> tuple[str, ...]:
+    """Return a sentence for each axis at whose values different controllers are best.
+
+    Another controller counts as best at a value only if it is shown there to be better than the
+    one that is best on average.
+    """
+    leader = evidence.leader
+    if leader is None:
+        return ()
+    found = []
+    for path in study.runs.shown_axes:
+        best: dict[str, list[str]] = {}
+        for each in study.along(evidence.measure.name, path).get(evidence.task, []):
+            first = each.evidence.leader
+            if first is not None:
+                tied = leader.controller in each.evidence.best
+                name = leader.controller if tied else first.controller
+                best.setdefault(name, []).append(level_text(each.level))
+        if best.keys() - {leader.controller}:
+            parts = (f"{name} at {_shortened(levels)}" for name, levels in best.items())
+            found.append(f"Along {path} the best one differs: {'; '.join(parts)}.")
+    return tuple(found)
+
+
+def _shortened(levels: Sequence[str]) -> str:
+    """Return the values of an axis in words; of many the first and the last one."""
+    if len(levels) > _MAX_LISTED:
+        return f"{len(levels)} values from {levels[0]} to {levels[-1]}"
+    return _listed(levels)
 
 
 def main_metric(runs: RunTable, task: Task) -> str:

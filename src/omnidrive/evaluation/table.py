@@ -114,6 +114,11 @@ Smaller values, such as the errors of exact tracking on the plant `kinematic`, a
 """
 
 
+def level_text(level: object) -> str:
+    """Return the value of an axis as text."""
+    return f"{level:g}" if isinstance(level, float) else str(level)
+
+
 def number_text(value: float, digits: int = 3) -> str:
     """Format a number with at least ``digits`` significant digits, and 0 below :data:`RESOLUTION`.
 

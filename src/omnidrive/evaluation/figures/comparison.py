@@ -22,6 +22,7 @@ from omnidrive.evaluation.figures.style import (
     curve_style,
     legend_above,
     new_figure,
+    set_log_scale,
 )
 from omnidrive.evaluation.metrics import START_PHASE, heading_error, position_error
 from omnidrive.evaluation.palette import ControllerStyle, controller_styles, horizon_styles
@@ -195,7 +196,7 @@ def _distances(axes: Axes, lines: list[Curve]) -> None:
         distance = np.maximum(position_error(result.run.pose, result.run.target) * 1e3, _MIN_ERROR)
         low_quantiles.append(float(np.quantile(distance, 0.03)))
         axes.plot(result.run.t, distance, **line.properties(k, lines))
-    axes.set_yscale("log")
+    set_log_scale(axes, "y")
     axes.set_ylim(bottom=0.7 * min(low_quantiles))  # the first samples are 0
     low, high = axes.get_ylim()
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 200.0 * low else (1.0,)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
@@ -13,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, suggestion
-from omnidrive.evaluation.figures.membership import NO_MATH_TEXT, truncate
+from omnidrive.evaluation.figures.membership import truncate
 from omnidrive.evaluation.figures.style import BLUE, DARK, PAGE, figure_style, new_figure
 from omnidrive.fuzzy import Inference, InputVariable
 
@@ -56,7 +55,7 @@ def control_surface(
     drawn = [system.inputs[k] for k in free]
     rest = {v.name: point[v.name] for k, v in enumerate(system.inputs) if k not in free}
     o = names.index(name)
-    with figure_style(), mpl.rc_context(NO_MATH_TEXT):
+    with figure_style():
         if len(free) == 1:
             figure = _curve(inference, o, drawn[0], list(point.values()), free[0])
         else:

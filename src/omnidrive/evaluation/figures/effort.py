@@ -17,6 +17,7 @@ from omnidrive.evaluation.figures.style import (
     curve_style,
     legend_above,
     new_figure,
+    set_log_scale,
 )
 from omnidrive.evaluation.metrics import START_PHASE, commanded_wheel_speeds
 from omnidrive.evaluation.palette import controller_styles
@@ -101,7 +102,7 @@ def _draw_effort(panels: Array, curves: list[_Curve]) -> None:
         rate = _mean_acceleration(run.t, commands)
         acceleration.plot(run.t[1:], np.where(rate > 0.0, rate, np.nan), **style)
         work.plot(run.t, run.work, **style)
-    acceleration.set_yscale("log")
+    set_log_scale(acceleration, "y")
     acceleration.set_ylabel("rad/s²")
     acceleration.set_title(f"Commanded acceleration, mean of {_WINDOW:g} s")
     work.set_ylabel("J")

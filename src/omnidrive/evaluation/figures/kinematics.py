@@ -68,9 +68,11 @@ def _above(axes: Axes, robot: Robot) -> None:
     text = f"{'R = ' if _is_ring(robot) else ''}{length:.4g} m"
     dimension(axes, (0.0, 0.0), (last[0], last[1]), text, offset=0.07 * size)
     axes.plot([0.0, first[0]], [0.0, first[1]], color=GREEN, lw=0.9, ls=DOTTED, zorder=3)
-    axes.set_title(f"Robot '{robot.name}' from above, to scale", parse_math=False)
+    axes.set_title(f"Robot '{robot.name}' from above, to scale")
     axes.set(xlim=(-1.85 * size, 1.5 * size), ylim=(-1.62 * size, 1.3 * size))
-    axes.text(0.0, -1.6 * size, _facts(robot), ha="center", va="bottom", fontsize=7)
+    axes.text(
+        0.0, -1.6 * size, _facts(robot), ha="center", va="bottom", fontsize=7, parse_math=True
+    )
 
 
 def _facts(robot: Robot) -> str:
@@ -138,7 +140,7 @@ def _wheel(axes: Axes, robot: Robot) -> None:
         label = "the rollers roll freely\nalong this line"
     annotate(axes, (axle[1][0], axle[1][1] - 0.13), label, colour=GREEN, size=8)
     _components(axes, bearing - mount.roller_angle)
-    axes.set_title("Velocity at wheel $i$")
+    axes.set_title("Velocity at wheel $i$", parse_math=True)
     axes.set(xlim=(-1.5, 1.5), ylim=(-1.75, 1.45))
     law = r"$v_i = r\,\omega_i = -\sin(a_i)\,\dot{x} + \cos(a_i)\,\dot{y} + R\,\dot{\theta}$"
     if not _is_ring(robot):
@@ -146,7 +148,8 @@ def _wheel(axes: Axes, robot: Robot) -> None:
             r"$v_i = r\,\omega_i\cos\rho_i = -\sin(a_i-\rho_i)\,(\dot{x} - y_i\dot{\theta})"
             r" + \cos(a_i-\rho_i)\,(\dot{y} + x_i\dot{\theta})$"
         )
-    axes.text(0.0, -1.72, law, ha="center", va="bottom", fontsize=9 if _is_ring(robot) else 6.5)
+    size = 9.0 if _is_ring(robot) else 6.5
+    axes.text(0.0, -1.72, law, ha="center", va="bottom", fontsize=size, parse_math=True)
 
 
 def _components(axes: Axes, bearing: float) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,8 +17,6 @@ from omnidrive.fuzzy.sets import ZSlice, membership_bounds
 COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#4d4d4d", "#e69f00", "#d55e00", "#cc79a7")
 """Colours of the sets of a variable, repeated in this order."""
 
-NO_MATH_TEXT: Any = {"text.parse_math": False}
-"""Style without math text: names from files are drawn literally, dollar signs included."""
 
 _MAX_LABELS = 60  # with more sets, only their number is shown
 _MAX_ROWS = 4  # of names above the functions
@@ -50,7 +47,7 @@ def membership_figure(variable: InputVariable | OutputVariable, *, unit: str = "
         variable: Variable of a fuzzy system of any type.
         unit: Unit of its values, for the axis label.
     """
-    with figure_style(), mpl.rc_context(NO_MATH_TEXT):
+    with figure_style():
         figure = new_figure(PAGE, 2.9)
         axes = figure.add_subplot()
         axes.set_title(truncate(variable.name, 60))

@@ -81,9 +81,19 @@ def dimension(axes: Axes, start: Point, end: Point, text: str, *, offset: float)
 
 
 def annotate(axes: Axes, at: Point, text: str, *, colour: str = DARK, size: float = 9.5) -> None:
-    """Draw text centred at a point, on a white background."""
+    """Draw text with formulas centred at a point, on a white background."""
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8}
-    axes.text(*at, text, color=colour, ha="center", va="center", size=size, zorder=9, bbox=box)
+    axes.text(
+        *at,
+        text,
+        color=colour,
+        ha="center",
+        va="center",
+        size=size,
+        zorder=9,
+        bbox=box,
+        parse_math=True,
+    )
 
 
 def frame(axes: Axes, pose: Pose, length: float, names: tuple[str, str], colour: str) -> None:

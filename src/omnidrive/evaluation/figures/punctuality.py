@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import StrMethodFormatter
 
 from omnidrive.arrays import Array
 from omnidrive.evaluation.figures.style import (
@@ -16,6 +17,7 @@ from omnidrive.evaluation.figures.style import (
     figure_style,
     legend_above,
     new_figure,
+    set_log_scale,
 )
 
 _BINS = 60
@@ -52,6 +54,7 @@ def _histogram(axes: Axes, times: Float[Array, " samples"], dt: float) -> None:
     if times.size:
         p99 = max(1e3 * float(np.percentile(times, 99)), _LEAST)
         axes.axvline(p99, color=DARK, lw=0.8, label="99th percentile")
-    axes.set_xscale("log")
+    set_log_scale(axes, "x")
     axes.set_yscale("symlog", linthresh=1.0)
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.set_ylim(0.0, None)

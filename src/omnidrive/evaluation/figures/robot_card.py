@@ -86,7 +86,7 @@ def _chassis(axes: Axes, robot: Robot) -> None:
         Line2D([], [], color=MUTED, ls=DASHED, lw=0.8, label="support polygon"),
     ]
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), fontsize=7.5)
-    axes.set_title(f"Robot '{robot.name}' from above, x upwards", parse_math=False)
+    axes.set_title(f"Robot '{robot.name}' from above, x upwards")
     axes.set(xlim=(-1.28 * size, 1.28 * size), ylim=(-1.28 * size, 1.28 * size))
 
 

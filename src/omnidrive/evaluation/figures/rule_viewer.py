@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, suggestion
-from omnidrive.evaluation.figures.membership import NO_MATH_TEXT, sample_points, truncate
+from omnidrive.evaluation.figures.membership import sample_points, truncate
 from omnidrive.evaluation.figures.style import BLUE, DARK, MUTED, RED, figure_style, new_figure
 from omnidrive.fuzzy import (
     FiredRule,
@@ -56,7 +55,7 @@ def rule_viewer(
         min(max(value, v.low), v.high) if inference.options.out_of_range == "clamp" else value
         for v, value in zip(system.inputs, x, strict=True)
     ]
-    with figure_style(), mpl.rc_context(NO_MATH_TEXT):
+    with figure_style():
         rows, columns = len(shown) + 1, len(ins) + len(outs)
         figure = new_figure(max(0.6 + 1.6 * columns, 4.6), 0.75 + 0.72 * len(shown) + 1.35)
         panels = figure.subplots(

@@ -15,17 +15,17 @@ from matplotlib.ticker import StrMethodFormatter
 
 from omnidrive.arrays import Array
 from omnidrive.evaluation.evidence import LevelEvidence, StudyEvidence
-from omnidrive.evaluation.evidence_tables import level_text
-from omnidrive.evaluation.figures.style import DARK, PAGE, legend_above, new_figure
+from omnidrive.evaluation.figures.style import DARK, PAGE, legend_above, new_figure, set_log_scale
 from omnidrive.evaluation.palette import ControllerStyle
 from omnidrive.evaluation.study_answer import TaskAnswer
-from omnidrive.evaluation.table import number_text
+from omnidrive.evaluation.table import level_text, number_text
 from omnidrive.evaluation.variance_shares import variance_shares
 
 _MAX_COLUMNS = 3  # tasks in one figure of curves
 _MAX_MAPS = 8  # controllers in one figure of heat maps
 _MAX_CELLS = 64  # of a heat map with numbers
 _LOG_RATIO = 30.0
+_WIDTH = 0.5  # of the points of all controllers at one category
 
 
 def axis_curves(
@@ -62,9 +62,9 @@ def axis_curves(
 def _positions(levels: Sequence[LevelEvidence], axes: Axes) -> list[float]:
     """Return the positions of the values on the x axis: numbers, or 0, 1, 2... for texts."""
     values = [each.level for each in levels]
-    if all(isinstance(v, float) for v in values):
+    if _is_ordered(levels):
         if min(values) > 0.0 and max(values) > _LOG_RATIO * min(values):
-            axes.set_xscale("log")
+            set_log_scale(axes, "x")
         return values
     axes.set_xticks(range(len(values)), list(map(level_text, values)), rotation=30, ha="right")
     return [float(k) for k in range(len(values))]
@@ -76,29 +76,42 @@ def _curves(
     x = _positions(levels, axes)
     factor = levels[0].evidence.measure.factor
     every: list[float] = []
-    for name in dict.fromkeys(s.controller for each in levels for s in each.evidence.summaries):
-        mean, low, high = _means(levels, name)
+    names = _controllers(levels)
+    for k, name in enumerate(names):
+        mean, low, high = factor * _means(levels, name)
         style = styles[name]
-        axes.plot(x, factor * mean, label=name, color=style.colour.light, marker=style.marker,
-                  ms=3.2, ls=(0, style.dash) if style.dash else "-")  # fmt: skip
-        axes.fill_between(x, factor * low, factor * high, color=style.colour.light, alpha=0.18,
-                          lw=0.0)  # fmt: skip
+        colour, dash = style.colour.light, (0, style.dash) if style.dash else "-"
+        if _is_ordered(levels):
+            axes.plot(x, mean, label=name, color=colour, marker=style.marker, ms=3.2, ls=dash)
+            axes.fill_between(x, low, high, color=colour, alpha=0.18, lw=0.0)
+        else:  # nothing lies between two categories
+            at = np.array(x) + _WIDTH * ((k + 0.5) / len(names) - 0.5)
+            axes.plot(at, mean, label=name, color=colour, marker=style.marker, ms=4.0, ls="")
+            axes.vlines(at, low, high, color=colour, lw=1.4)
         every += mean[np.isfinite(mean)].tolist()
     if every and min(every) > 0.0 and max(every) > _LOG_RATIO * min(every):
-        axes.set_yscale("log")
+        set_log_scale(axes, "y")
 
 
-def _means(
-    levels: Sequence[LevelEvidence], name: str
-) -> tuple[Float[Array, " levels"], Float[Array, " levels"], Float[Array, " levels"]]:
+def _controllers(levels: Sequence[LevelEvidence]) -> list[str]:
+    """Return the controllers that have runs at some value."""
+    return list(dict.fromkeys(s.controller for each in levels for s in each.evidence.summaries))
+
+
+def _is_ordered(levels: Sequence[LevelEvidence]) -> bool:
+    """Return whether the values of an axis are numbers."""
+    return all(isinstance(each.level, float) for each in levels)
+
+
+def _means(levels: Sequence[LevelEvidence], name: str) -> Float[Array, "3 levels"]:
     """Return mean and bounds of one controller at every value; NaN where it has no runs."""
     rows = []
     for each in levels:
         means = (s.mean[:3] for s in each.evidence.summaries if s.controller == name)
         rows.append(next(means, (np.nan, np.nan, np.nan)))
     found = np.array(rows, dtype=float)
-    mean, low, high = np.where(np.isfinite(found), found, np.nan).T
-    return mean, low, high
+    bounds: Float[Array, "3 levels"] = np.where(np.isfinite(found), found, np.nan).T
+    return bounds
 
 
 def _success(
@@ -109,13 +122,15 @@ def _success(
     labelled: bool,
 ) -> None:
     x = _positions(levels, axes)
-    for name in dict.fromkeys(s.controller for each in levels for s in each.evidence.summaries):
+    for name in _controllers(levels):
         rates = [
             next((s.success_rate for s in e.evidence.summaries if s.controller == name), np.nan)
             for e in levels
         ]
         style = styles[name]
-        axes.plot(x, 100.0 * np.array(rates), color=style.colour.light, marker=style.marker, ms=3.0)
+        line = "-" if _is_ordered(levels) else ""
+        axes.plot(x, 100.0 * np.array(rates), color=style.colour.light, marker=style.marker, ms=3.0,
+                  ls=line)  # fmt: skip
     axes.set_ylim(-4.0, 104.0)
     if labelled:
         axes.set_ylabel("finished in %")

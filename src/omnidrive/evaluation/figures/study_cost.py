@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omnidrive.evaluation.evidence import StudyEvidence
-from omnidrive.evaluation.figures.style import MUTED, PAGE, legend_above, new_figure
+from omnidrive.evaluation.figures.style import MUTED, PAGE, legend_above, new_figure, set_log_scale
 from omnidrive.evaluation.palette import ControllerStyle
 from omnidrive.evaluation.study_answer import TaskAnswer
 from omnidrive.evaluation.uncertainty import MeanEstimate
@@ -93,8 +93,8 @@ def _panel(
                   label=p.controller)  # fmt: skip
     values = [p.error.mean for p in points]
     if min(values) > 0.0 and max(values) > 10.0 * min(values):
-        axes.set_yscale("log")
-    axes.set_xscale("log")
+        set_log_scale(axes, "y")
+    set_log_scale(axes, "x")
     axes.margins(x=0.1, y=0.1)
     axes.set_xlabel("computing time of a step in µs")
     axes.set_ylabel(measure.axis_label)

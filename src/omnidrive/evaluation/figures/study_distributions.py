@@ -18,7 +18,7 @@ from omnidrive.evaluation.evidence import (
     PairEvidence,
     StudyEvidence,
 )
-from omnidrive.evaluation.figures.style import DARK, MUTED, PAGE, new_figure
+from omnidrive.evaluation.figures.style import DARK, MUTED, PAGE, new_figure, set_log_scale
 from omnidrive.evaluation.palette import ControllerStyle
 from omnidrive.evaluation.study_answer import TaskAnswer
 
@@ -69,7 +69,7 @@ def _panel(
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.55, -0.75)
     if logarithmic:
-        axes.set_xscale("log")
+        set_log_scale(axes, "x")
     axes.set_xlabel(evidence.measure.axis_label)
     axes.set_title(evidence.task.label)
     axes.grid(visible=False, axis="y")

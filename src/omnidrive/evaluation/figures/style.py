@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager
 from functools import cache
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import fontManager
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import LogFormatter
 
 from omnidrive.evaluation.palette import ControllerStyle
 from omnidrive.files.output_file import output_file
@@ -59,6 +60,7 @@ _STYLE: Any = {
     "legend.fontsize": 7.5,
     "legend.columnspacing": 1.4,
     "legend.handlelength": 2.4,
+    "text.parse_math": False,  # names of users are drawn literally
     "text.usetex": False,  # whatever a matplotlibrc in the working folder says
     "svg.hashsalt": "omnidrive",
     "svg.fonttype": "none",
@@ -94,6 +96,22 @@ def register_fonts() -> None:
     if not any(Path(font.fname).parent == folder for font in fontManager.ttflist):
         for path in sorted(folder.glob("*.ttf")):
             fontManager.addfont(path)
+
+
+class _PlainLogFormatter(LogFormatter):
+    """Formats the ticks of a logarithmic axis as plain numbers; the default one needs mathtext."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """Return the label of a tick; empty where the default formatter has none."""
+        return f"{x:g}" if super().__call__(x, pos) else ""
+
+
+def set_log_scale(axes: Axes, which: Literal["x", "y"]) -> None:
+    """Make one axis logarithmic."""
+    axes.set(**{f"{which}scale": "log"})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_major_formatter(_PlainLogFormatter())
+    axis.set_minor_formatter(_PlainLogFormatter(labelOnlyBase=False, minor_thresholds=(1.0, 0.4)))
 
 
 def new_figure(width: float, height: float) -> Figure:
