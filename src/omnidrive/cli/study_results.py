@@ -11,6 +11,7 @@ from omnidrive.cli.options import available_cores
 from omnidrive.cli.progress import LiveProgress
 from omnidrive.cli.tables import print_tables
 from omnidrive.cli.terminal import conclude, show, warn
+from omnidrive.control.controller import FALLS_BEHIND
 from omnidrive.study import Scenario, Study
 
 
@@ -80,10 +81,12 @@ def print_results(done: Study, *, json: bool, full: bool, lines: Sequence[str]) 
 
 def _print_events(done: Study) -> None:
     """Print the events of tracking runs and step responses: faults, detections and reactions."""
+    told = FALLS_BEHIND if len(done.results.types) > 1 else None  # by the verdict
     for result in done.results.runs:
-        if result.run.events:
+        events = [each for each in result.run.events if not (told and each.what.endswith(told))]
+        if events:
             show(f"{result.name}:")
-        for event in result.run.events:
+        for event in events:
             show(f"  {event.t:6.2f} s  {event.what}")
 
 

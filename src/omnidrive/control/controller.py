@@ -229,6 +229,10 @@ class LimitedController(Controller, Protocol):
         ...
 
 
+FALLS_BEHIND = ": the robot falls behind"
+"""End of every text of :func:`limits_notice`."""
+
+
 def limits_notice(controller: LimitedController, reference: Reference, dt: float) -> str:
     """Return which limits of a controller a reference exceeds, in one line; empty: none.
 
@@ -246,11 +250,10 @@ def limits_notice(controller: LimitedController, reference: Reference, dt: float
     vx, vy, yaw_rate = np.abs(reference.window(0.0, count, dt)[:, 3:]).T
     peaks = CommandLimits(float(np.hypot(vx, vy).max()), float(yaw_rate.max()))
     excesses = [
-        f"{what} up to {peak:.3g} {unit}, and {type(controller).__name__} commands at most "
-        f"{limit:.3g} {unit}"
+        f"{what} up to {peak:.3g} {unit}, and the controller commands at most {limit:.3g} {unit}"
         for what, unit, peak, limit in zip(
             ("moves at", "turns at"), ("m/s", "rad/s"), peaks, limits, strict=True
         )
         if peak > (1.0 + _ROUNDING) * limit
     ]
-    return f"the reference {'; it '.join(excesses)}: the robot falls behind" if excesses else ""
+    return f"the reference {'; it '.join(excesses)}{FALLS_BEHIND}" if excesses else ""

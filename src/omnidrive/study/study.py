@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from omnidrive.compiled import announce_compiling
 from omnidrive.components import Configured, configure
+from omnidrive.control.controller import FALLS_BEHIND
 from omnidrive.errors import InvalidInput, RunFailed
 from omnidrive.evaluation import (
     FaultResult,
@@ -29,6 +31,7 @@ from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.notebook import facts_html, table_html
 from omnidrive.parameter import Bounds, check_number
 from omnidrive.simulation import Outcome
+from omnidrive.simulation.run_log import RUN_LOGGER
 from omnidrive.study.folder import RunFolder
 from omnidrive.study.job_execution import execute_jobs, is_sequential
 from omnidrive.study.jobs import Job, Result, jobs_of
@@ -179,7 +182,7 @@ def run_study(
     jobs = jobs_of(scenario)
     opened = StoredRuns(store, planned, jobs) if store and resumable else nullcontext()
     with opened as stored:
-        with clock.part("simulate", len(jobs)):
+        with clock.part("simulate", len(jobs)), _limits_in_the_verdict(scenario):
             if store:
                 store.save_inputs(planned)
             finished = stored.finished() if stored else {}
@@ -193,6 +196,23 @@ def run_study(
             _report(store, results, tables, clock)
             store.save_results(planned, results, clock.seconds)
     return Study(results, tables, store.path if store else None, clock.seconds)
+
+
+@contextmanager
+def _limits_in_the_verdict(scenario: Scenario) -> Iterator[None]:
+    """Log no warnings that references exceed limits of controllers if the verdict states it."""
+
+    def is_other(record: logging.LogRecord) -> bool:
+        """Return whether a warning is about something else."""
+        return not record.getMessage().endswith(FALLS_BEHIND)
+
+    logger = logging.getLogger(RUN_LOGGER)
+    if len(scenario.controllers) > 1:
+        logger.addFilter(is_other)
+    try:
+        yield
+    finally:
+        logger.removeFilter(is_other)
 
 
 def _tables(scenario: Scenario, results: StudyResults) -> list[Table]:
