@@ -9,10 +9,12 @@ from pathlib import Path
 from omnidrive import study
 from omnidrive.cli.options import available_cores
 from omnidrive.cli.progress import LiveProgress
+from omnidrive.cli.study_execution import continued_by
 from omnidrive.cli.tables import print_tables
 from omnidrive.cli.terminal import conclude, show, warn
 from omnidrive.control.controller import FALLS_BEHIND
 from omnidrive.study import Scenario, Study
+from omnidrive.study.definition import StudyDefinition
 
 
 def run_and_print(
@@ -39,7 +41,8 @@ def run_and_print(
     Raises:
         OmnidriveError: See :func:`~omnidrive.study.run_study`.
     """
-    with LiveProgress() as progress:
+    definition = StudyDefinition.from_scenario(scenario, series="all")
+    with continued_by(folder, definition), LiveProgress() as progress:
         done = study.run_study(
             scenario,
             folder,
