@@ -71,7 +71,8 @@ def test_printed_commands_are_accepted(where, command):
         parse(["1" if word == "N" else word for word in words if word != "--help"])
     except typer.exceptions.TyperException as error:
         named = words[-1].startswith("--")
-        assert named and "requires an argument" in str(error), (where, error)
+        if not (named and "requires an argument" in str(error)):
+            raise AssertionError(f"{where}: {error}") from None
 
 
 def test_a_refused_command_is_found():

@@ -265,8 +265,10 @@ def test_set_up_lists_faults_and_what_else_differs_from_the_default():
 def test_set_up_omits_what_an_axis_sets():
     axes = {"faults": [[], [{"kind": "wheel-dead", "wheel": 2, "at": 5.0}]]}
     scenario = {
-        **DEFINITION["scenario"], "plant": "planar", "faults": [{"kind": "wheel-dead", "wheel": 1, "at": 5.0}],
-    }  # fmt: skip
+        **DEFINITION["scenario"],
+        "plant": "planar",
+        "faults": [{"kind": "wheel-dead", "wheel": 1, "at": 5.0}],
+    }
     stated = setup_facts(parse_definition({**DEFINITION, "scenario": scenario, "axes": axes}, "t"))
     assert "Faults" not in stated
     assert "Axis faults" in stated
