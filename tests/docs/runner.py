@@ -193,7 +193,7 @@ def run_page(page: Path, folder: Path, *, is_long: bool) -> str:
 
 
 def _run_blocks(page: Path, folder: Path, *, is_long: bool) -> str:
-    study.write_figures = write_figures if is_long else lambda results, folder: ()
+    study.write_figures = write_figures if is_long else lambda *_: ()
     runner = PageRunner(folder, is_long=is_long)
     for block in blocks(page):
         if block.is_long and not is_long:

@@ -282,3 +282,18 @@ def test_failed_runs_without_a_detail_have_a_reason(tmp_path):
         store.begin("hash")
         store.add([record])
         assert store.status().failures == [(run.number, "stalled")]
+
+
+def test_figures_are_written_in_the_chosen_formats_or_not_at_all(first, tmp_path):
+    def written(*options):
+        folder = tmp_path / "-".join(("out", *options))
+        done = verb("report", first, "--out", folder, *options)
+        assert done.exit_code == 0, done.output
+        suffixes = {path.suffix for path in folder.glob("figures/*")}
+        return suffixes, "<figure" in (folder / "report.html").read_text(encoding="utf-8")
+
+    assert written("--figures", "png") == ({".png"}, True)
+    assert written("--figures", "none") == (set(), False)
+    refused = verb("report", first, "--figures", "jpg")
+    assert refused.exit_code != 0
+    assert "figure format" in str(refused.exception)

@@ -26,6 +26,7 @@ def run_and_print(
     numbered: bool = False,
     json: bool = False,
     full: bool = False,
+    figures: Sequence[str] = ("svg", "pdf"),
 ) -> None:
     """Run the study of a scenario, or continue it, and print its results.
 
@@ -37,6 +38,7 @@ def run_and_print(
         numbered: Whether to append -2, -3, ... to the name of a folder that exists.
         json: Print results.json instead of tables.
         full: Print all tables and columns.
+        figures: Formats of the figures.
 
     Raises:
         OmnidriveError: See :func:`~omnidrive.study.run_study`.
@@ -50,6 +52,7 @@ def run_and_print(
             progress=progress,
             run_timeout=run_timeout,
             numbered=numbered,
+            figures=figures,
         )
     parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in done.timing.items())
     total = f"{parts} = {sum(done.timing.values()):.1f} s"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from hashlib import sha256
 from importlib.metadata import version
 from io import RawIOBase
@@ -155,6 +155,7 @@ def report_study(
     metric: str | None = None,
     out: StrPath | None = None,
     done: Callable[[str], None] = lambda _: None,
+    figures: Sequence[str] = ("svg",),
 ) -> StudyReport:
     """Write report.html, tables and figures of a study; older ones are replaced.
 
@@ -164,6 +165,7 @@ def report_study(
             faults the worst error.
         out: Folder of the report. None: that of the study; of a comparison, ``evidence`` in it.
         done: Called with the name of each file after it is written.
+        figures: Formats of the figures: some of svg, pdf and png, or none.
 
     Raises:
         InvalidInput: The runs have no such metric.
@@ -175,7 +177,7 @@ def report_study(
     remove_abandoned(folder)  # temporary files of killed reports
     tables = study_tables(evidence, facts, metric)
     page = folder
-    for page in write_study_report(evidence, facts, tables, folder, metric):
+    for page in write_study_report(evidence, facts, tables, folder, metric, formats=figures):
         done(page.name)
     return StudyReport(page, tables.every)
 

@@ -146,6 +146,7 @@ def run_study(
     observers: Sequence[Observer] = (),
     run_timeout: float | None = None,
     numbered: bool = False,
+    figures: Sequence[str] = ("svg", "pdf"),
 ) -> Study:
     """Plan a scenario, simulate and evaluate all its runs, and write the report.
 
@@ -162,6 +163,7 @@ def run_study(
         run_timeout: Largest wall time of a run in a worker process, s; a run that takes longer is
             ended, and the others go on. None: no limit.
         numbered: Whether to append -2, -3, ... to the name of a folder that exists.
+        figures: Formats of the figures: some of svg, pdf and png, or none.
 
     Raises:
         InvalidInput: The scenario is not feasible, or the runs cannot have a time limit.
@@ -193,7 +195,7 @@ def run_study(
         results = collect_results(planned, jobs, finished)
         tables = _tables(scenario, results)
         if store:
-            _report(store, results, tables, clock)
+            _report(store, results, tables, clock, figures)
             store.save_results(planned, results, clock.seconds)
     return Study(results, tables, store.path if store else None, clock.seconds)
 
@@ -282,12 +284,17 @@ def _collect_and_save(
 
 
 def _report(
-    store: RunFolder, results: StudyResults, tables: Sequence[Table], clock: _Clock
+    store: RunFolder,
+    results: StudyResults,
+    tables: Sequence[Table],
+    clock: _Clock,
+    figures: Sequence[str],
 ) -> None:
     """Write figures, tables and the page, each as a part of the study."""
-    with clock.part("figures", 0):
-        for path in write_figures(results, store.path / "figures"):
-            clock.progress.done(path.name)
+    if figures:
+        with clock.part("figures", 0):
+            for path in write_figures(results, store.path / "figures", figures):
+                clock.progress.done(path.name)
     with clock.part("tables", 0):
         for path in write_tables(tables, store.path / "tables"):
             clock.progress.done(path.name)
