@@ -158,7 +158,7 @@ def check_yaml(text: str, folder) -> None:
 
 
 def check_extras(words: list[str]) -> None:
-    """Check that the extras in `pip install 'omnidrive[EXTRA]'` exist."""
+    """Check that the extras in `pip install '.[EXTRA]'` exist."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     for named in re.findall(r"\[(.+?)\]", " ".join(words)):
         for extra in named.split(","):

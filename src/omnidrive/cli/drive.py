@@ -131,7 +131,7 @@ def _drive(
     (label,) = planned.scenario.controllers
     log = None
     if find_spec("mcap") is None:
-        show("no log: it needs the extra mcap: pip install 'omnidrive[mcap]'")
+        show("no log: it needs the package mcap: pip install mcap")
     else:
         log = DriveLog(folder.path / _LOG, attached_inputs(folder))
     result = drive_robot(

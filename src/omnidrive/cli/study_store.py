@@ -27,7 +27,7 @@ SchedulerOption = Annotated[
     option(
         "ADDRESS",
         "Compute on the workers of a Dask scheduler, such as tcp://192.168.1.5:8786, with the same "
-        "results; needs omnidrive[cluster].",
+        "results; needs dask and distributed.",
     ),
 ]
 CodeOption = Annotated[

@@ -47,7 +47,7 @@ class ClusterPool:
             self._dask = import_module("distributed")
         except ModuleNotFoundError:
             raise MissingExtra(
-                "a scheduler needs Dask, which is not installed: pip install 'omnidrive[cluster]'"
+                "a scheduler needs Dask, which is not installed: pip install dask distributed"
             ) from None
         self._address = one_line(address, 200)
         self._setup = cloudpickle.dumps(setup)
