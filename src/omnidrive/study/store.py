@@ -270,11 +270,10 @@ class Store:
             for rows in valid_rows(self._connection, f"{columns}, finished"):
                 counts.update(row[1] for row in rows)
                 if len(failures) < _MOST_FAILURES:
-                    failures += [
-                        (number, text or outcome.replace("_", " "))
-                        for number, outcome, text, done in rows
-                        if not done
-                    ]
+                    found = (
+                        (n, o.replace("_", " "), text) for n, o, text, done in rows if not done
+                    )
+                    failures += [(number, text or outcome) for number, outcome, text in found]
             lost = loss(self._connection, counts.total(), self._facts()["runs"])
         first = [(n, (text.splitlines() or [""])[0]) for n, text in failures[:_MOST_FAILURES]]
         return StoreStatus(counts.total(), dict(sorted(counts.items())), first, lost)
