@@ -270,10 +270,7 @@ class Store:
             for rows in valid_rows(self._connection, f"{columns}, finished"):
                 counts.update(row[1] for row in rows)
                 if len(failures) < _MOST_FAILURES:
-                    found = (
-                        (n, o.replace("_", " "), text) for n, o, text, done in rows if not done
-                    )
-                    failures += [(number, text or outcome) for number, outcome, text in found]
+                    failures += [(n, t or o.replace("_", " ")) for n, o, t, ok in rows if not ok]
             lost = loss(self._connection, counts.total(), self._facts()["runs"])
         first = [(n, (text.splitlines() or [""])[0]) for n, text in failures[:_MOST_FAILURES]]
         return StoreStatus(counts.total(), dict(sorted(counts.items())), first, lost)
