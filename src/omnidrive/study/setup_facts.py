@@ -57,9 +57,9 @@ def setup_facts(definition: StudyDefinition) -> dict[str, str]:
     for name, keys in _SET_BY.items():
         if keys in set_by_axes:
             facts.pop(name, None)
-    for name, *deeper in set_by_axes:
-        if not deeper and name not in _STATED:
-            facts.pop(name.replace("_", " ").capitalize(), None)
+    for key, *deeper in set_by_axes:
+        if not deeper and key not in _STATED:
+            facts.pop(str(key).replace("_", " ").capitalize(), None)
     for axis in definition.axes:
         labels = [f"{v:g}" if isinstance(v, float) else str(v) for v in axis.labels]
         more = f", ... ({len(labels)} values)" if len(labels) > _MAX_VALUES else ""
