@@ -58,7 +58,7 @@ def _serve():
 
     for module in ("compare", "main", "study_results"):
         import_module(f"omnidrive.cli.{module}")
-    study.write_figures = lambda results, folder: ()
+    study.write_figures = lambda *_: ()
     for line in sys.stdin:
         process = os.fork()
         if process == 0:

@@ -1,6 +1,10 @@
 """Texts for messages."""
 
+import re
+import tomllib
+
 from omnidrive.errors import failure_reason, kind_of, one_line, short_repr, suggestion
+from tests.docs.blocks import ROOT
 
 
 def test_suggestion_is_the_closest_name_or_a_list():
@@ -50,3 +54,16 @@ def test_reason_names_the_users_line():
     assert reasons[1].startswith("JSONDecodeError: ")
     assert reasons[1].endswith("(mine.py, line 7)")
     assert failure_reason(ValueError("x" * 1000)).endswith("...")
+
+
+def test_packages_in_messages_are_those_of_the_extras():
+    """A message names packages: extras need a copy of the repository, or an index."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = {re.match(r"[\w-]+", each)[0] for some in project["optional-dependencies"].values()
+              for each in some}  # fmt: skip
+    named = set()
+    for path in (ROOT / "src").rglob("*.py"):
+        text = re.sub(r'"\s*\n\s*f?"', "", path.read_text(encoding="utf-8"))
+        for words in re.findall(r"pip install ([^\",;:\n]+)", text):
+            named |= {re.match(r"[\w-]+", word.strip("'"))[0] for word in words.split()}
+    assert named == extras

@@ -41,6 +41,7 @@ PACKAGES = {
     "omnidrive.evaluation.figures": "Figures",
     "omnidrive.visualization": "Films and viewer",
     "omnidrive.study": "Studies",
+    "omnidrive.deploy": "On the robot",
     "omnidrive.gym": "Gymnasium",
     "omnidrive.components": "Components",
     "omnidrive.testing": "Checks of your own parts",

@@ -278,7 +278,7 @@ def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
     code = (
         "import sys, omnidrive.control.nmpc.holonomic.controller as f, omnidrive.control as c\n"
         "import omnidrive.study.study as s\n"
-        "s.write_figures = lambda results, folder: ()\n"
+        "s.write_figures = lambda *_: ()\n"
         "real = f.HolonomicController.step\n"
         "def step(self, t, state, reference):\n"
         "    command = real(self, t, state, reference)\n"

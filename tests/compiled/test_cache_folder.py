@@ -211,3 +211,21 @@ def test_lock_is_waited_for_but_not_without_end(folder, monkeypatch):
         with folder.locked("b.kernel"):
             assert cache_folder.time.monotonic() - began < 0.1
         other.communicate("")
+
+
+def test_cleared_folder_is_removed_with_all_that_omnidrive_wrote(folder):
+    folder.write("a.kernel", b"1")
+    folder.write("b.kernel", b"2")
+    (folder.path / "c.kernel.0.tmp").write_bytes(b"unfinished")
+    with folder.locked("a.kernel"):
+        pass
+    assert folder.clear() == 2
+    assert not folder.path.exists()
+    assert folder.clear() == 0
+
+
+def test_other_files_of_a_cleared_folder_are_kept(folder):
+    folder.write("a.kernel", b"1")
+    (folder.path / "mine.txt").write_text("kept")
+    assert folder.clear() == 1
+    assert [each.name for each in folder.path.iterdir()] == ["mine.txt"]

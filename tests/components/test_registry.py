@@ -1,6 +1,7 @@
 """Finding components by name, and their parameters."""
 
 import pickle
+import re
 import sys
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
@@ -281,6 +282,29 @@ def test_factories_with_other_signatures_are_rejected():
         Component("controllers", "mine", "", FeedforwardController).make(None)
     with pytest.raises(InvalidInput, match="needs an annotation: the class of the parameters"):
         Component("controllers", "mine", "", lambda context, parameters: None).make()
+
+
+@pytest.mark.parametrize(
+    ("method", "fact"),
+    [
+        ("step(self, state, reference)", "step(self, state, reference) cannot be called as "
+         "step(t, state, reference): define it as def step(self, t, state, reference)"),
+        ("step(t, state, reference)", "define it as def step(self, t, state, reference)"),
+        ("step(self, t, state, reference, gain)", "cannot be called as step(t, state, reference)"),
+    ],
+)  # fmt: skip
+def test_class_with_a_wrong_signature_is_rejected_when_it_is_loaded(tmp_path, method, fact):
+    path = tmp_path / "law.py"
+    path.write_text(LAW.replace("step(self, t, state, reference)", method))
+    with pytest.raises(InvalidInput, match=re.escape(fact)):
+        find_component("controllers", f"{path}:Law", allow_code=True)
+
+
+@pytest.mark.parametrize("method", ["step(self, *args)", "step(self, t, state, reference, k=1)"])
+def test_class_with_a_wider_signature_is_accepted(tmp_path, method):
+    path = tmp_path / "law.py"
+    path.write_text(LAW.replace("step(self, t, state, reference)", method))
+    assert find_component("controllers", f"{path}:Law", allow_code=True).factory
 
 
 @pytest.mark.parametrize(

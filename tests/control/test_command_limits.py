@@ -78,9 +78,8 @@ def test_reference_beyond_the_limits_is_one_warning_with_both_figures(make, capl
     with caplog.at_level(logging.WARNING, "omnidrive"):
         runs = [run_on(make("paper", DT)) for _ in range(2)]
     (message,) = [record.getMessage() for record in caplog.records]
-    name = type(make("paper", DT)).__name__
     peak = np.hypot(*FAST.window(0.0, 31, DT)[:, 3:5].T).max()
-    assert f"moves at up to {peak:.3g} m/s, and {name} commands at most 1.5 m/s" in message
+    assert f"moves at up to {peak:.3g} m/s, and the controller commands at most 1.5 m/s" in message
     for run in runs:  # also where the warning is not repeated
         assert [event.what for event in run.events if event.t == 0.0] == [message]
 

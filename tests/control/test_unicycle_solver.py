@@ -202,5 +202,5 @@ def test_ipopt_result_is_no_worse_than_its_guess():
 
 def test_missing_casadi_names_the_installation_command(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
-    with pytest.raises(MissingExtra, match=r"pip install 'omnidrive\[casadi\]'"):
+    with pytest.raises(MissingExtra, match=r"pip install casadi"):
         UnicycleIpopt()

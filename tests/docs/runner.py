@@ -158,7 +158,7 @@ def check_yaml(text: str, folder) -> None:
 
 
 def check_extras(words: list[str]) -> None:
-    """Check that the extras in `pip install 'omnidrive[EXTRA]'` exist."""
+    """Check that the extras in `pip install '.[EXTRA]'` exist."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     for named in re.findall(r"\[(.+?)\]", " ".join(words)):
         for extra in named.split(","):
@@ -193,7 +193,7 @@ def run_page(page: Path, folder: Path, *, is_long: bool) -> str:
 
 
 def _run_blocks(page: Path, folder: Path, *, is_long: bool) -> str:
-    study.write_figures = write_figures if is_long else lambda results, folder: ()
+    study.write_figures = write_figures if is_long else lambda *_: ()
     runner = PageRunner(folder, is_long=is_long)
     for block in blocks(page):
         if block.is_long and not is_long:

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from omnidrive.control.controller import FALLS_BEHIND
 from omnidrive.control.supervision import Event
 from omnidrive.evaluation import FaultResult, StepResponse, headline, study_tables, verdicts
 from omnidrive.evaluation.page.markup import verdict_markup
+from omnidrive.evaluation.verdict import limit_notes
 from omnidrive.simulation import Outcome
 from omnidrive.simulation.disturbances import parse_fault
 from tests.evaluation.truncation import truncated
@@ -53,6 +55,26 @@ def test_first_table_is_the_verdict(study):
     assert cells["result"] == f"ME {1e3 * best.best.value:.3g} mm"
     assert table.lead == " ".join(headline(verdicts(study)))
     assert f"Best in track 20 s, track 30 s and step response: {best.best.name}." in table.lead
+
+
+def test_limits_that_a_reference_exceeds_are_one_sentence_with_labels(study):
+    """And those of the shortest, fastest reference only."""
+
+    def exceeding(result):
+        text = f"the reference moves at up to {30.0 / result.duration:g} m/s{FALLS_BEHIND}"
+        events = (Event(0.0, text),) if result.controller.startswith("fuzzy") else ()
+        return replace(result, run=replace(result.run, events=events))
+
+    assert limit_notes(study) == []
+    tracks = tuple(map(exceeding, study.tracks))
+    fast = replace(study, tracks=tracks)
+    sentence = (
+        "In 20 s, the reference moves at up to 1.5 m/s: the robot falls behind "
+        "(fuzzy_t1, fuzzy_t2)."
+    )
+    assert limit_notes(fast) == [sentence]
+    assert study_tables(fast, published=False)[0].lead.endswith(sentence)
+    assert verdict_markup(fast).count(sentence) == 1
 
 
 def test_verdict_states_advantage_confidence_work_and_computing_time(part):

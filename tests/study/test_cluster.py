@@ -117,7 +117,7 @@ def test_missing_extra_is_reported(monkeypatch):
         raise ModuleNotFoundError(name)
 
     monkeypatch.setattr(cluster, "import_module", missing)
-    with pytest.raises(MissingExtra, match=r"pip install 'omnidrive\[cluster\]'"):
+    with pytest.raises(MissingExtra, match=r"pip install dask distributed"):
         ClusterPool("tcp://127.0.0.1:9", int)
 
 

@@ -8,12 +8,13 @@ import sys
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from math import inf
 from time import monotonic, sleep
 
 import psutil
 import pytest
 
-from omnidrive.study.experiment import Experiment
+from omnidrive.study.experiment import Experiment, _Pace
 from omnidrive.study.store import FILE, Store
 from tests.study.processes import workers
 from tests.study.synthetic import Compute, SyntheticPlan, record, table_bytes
@@ -261,3 +262,15 @@ def test_interrupted_experiment_ends_its_workers_and_resumes(tmp_path):
         assert not store._connection.execute("SELECT * FROM claims").fetchall()
         assert 20 <= store.status().runs < 2000
     assert (folder / FILE).exists()
+
+
+def test_time_left_does_not_count_the_first_block_of_each_process():
+    """It compiles kernels: 60 s here, then each run takes 1 s."""
+    pace = _Pace(2)
+    assert pace.update(60.0, 1) == inf
+    assert pace.update(61.0, 2) == inf
+    assert pace.update(62.0, 3) == 1.0
+    assert pace.update(64.0, 4) == 1.5  # of the latest half
+    for k in range(5, 21):
+        seconds = pace.update(60.0 + k, k)
+    assert seconds == 1.0

@@ -2,6 +2,7 @@
 
 import csv
 import os
+from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
 
@@ -16,6 +17,7 @@ from omnidrive.errors import InvalidInput, OmnidriveError
 from omnidrive.files.output_file import _COMPUTER
 from omnidrive.study import RunPlan, parse_definition, save_definition, save_scenario
 from omnidrive.study.run_record import RunRecord
+from omnidrive.study.setup_facts import setup_facts
 from omnidrive.study.store import Store
 from omnidrive.study.stored_study import (
     compare_studies,
@@ -239,3 +241,59 @@ def test_temporary_files_of_killed_writers_are_removed(tmp_path):
     report_study(study)
     export_study(study, tmp_path / "runs.csv")
     assert [each.exists() for each in (*left, other, kept)] == [False, False, False, True]
+
+
+def test_set_up_lists_faults_and_what_else_differs_from_the_default():
+    scenario = {
+        **DEFINITION["scenario"],
+        "plant": "planar",
+        "robot": {"name": "paper", "friction": 0.4},
+        "faults": [{"kind": "wheel-dead", "wheel": 2, "at": 5.0}],
+        "wheel_monitor": False,
+    }
+    stated = setup_facts(parse_definition({**DEFINITION, "scenario": scenario}, "test"))
+    assert stated["Robot"] == "paper (friction: 0.4)"
+    assert "wheel-dead" in stated["Faults"]
+    assert "wheel: 2" in stated["Faults"]
+    assert stated["Wheel monitor"] == "false"
+    assert stated["Tasks"] == "noise (durations: [8.0])"
+    usual = setup_facts(parse_definition(DEFINITION, "test"))
+    assert usual["Robot"] == "paper"
+    assert not {"Faults", "Wheel monitor", "Watchdog", "Sensors", "Map"} & usual.keys()
+
+
+def test_set_up_omits_what_an_axis_sets():
+    axes = {"faults": [[], [{"kind": "wheel-dead", "wheel": 2, "at": 5.0}]]}
+    scenario = {
+        **DEFINITION["scenario"],
+        "plant": "planar",
+        "faults": [{"kind": "wheel-dead", "wheel": 1, "at": 5.0}],
+    }
+    stated = setup_facts(parse_definition({**DEFINITION, "scenario": scenario, "axes": axes}, "t"))
+    assert "Faults" not in stated
+    assert "Axis faults" in stated
+
+
+def test_failed_runs_without_a_detail_have_a_reason(tmp_path):
+    definition = parse_definition(DEFINITION, "test")
+    run = RunPlan(definition)[0]
+    record = replace(_record(run, 0.0), outcome="stalled", finished=False)
+    with Store(tmp_path) as store:
+        store.begin("hash")
+        store.add([record])
+        assert store.status().failures == [(run.number, "stalled")]
+
+
+def test_figures_are_written_in_the_chosen_formats_or_not_at_all(first, tmp_path):
+    def written(*options):
+        folder = tmp_path / "-".join(("out", *options))
+        done = verb("report", first, "--out", folder, *options)
+        assert done.exit_code == 0, done.output
+        suffixes = {path.suffix for path in folder.glob("figures/*")}
+        return suffixes, "<figure" in (folder / "report.html").read_text(encoding="utf-8")
+
+    assert written("--figures", "png") == ({".png"}, True)
+    assert written("--figures", "none") == (set(), False)
+    refused = verb("report", first, "--figures", "jpg")
+    assert refused.exit_code != 0
+    assert "figure format" in str(refused.exception)

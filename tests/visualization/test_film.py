@@ -205,7 +205,7 @@ def test_mp4_without_encoder_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setitem(sys.modules, "cv2", None)
     monkeypatch.setattr("omnidrive.visualization.video_file.find_spec", lambda name: None)
-    with pytest.raises(MissingExtra, match=r"install the command ffmpeg, or pip install 'omni"):
+    with pytest.raises(MissingExtra, match=r"install the command ffmpeg, or pip install opencv"):
         check_film(tmp_path / "run.mp4")
     check_film(tmp_path / "run.gif")
 

@@ -12,11 +12,13 @@ from omnidrive.cli.components import ControllersOption, with_controllers
 from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     RUN_PANEL,
+    FiguresOption,
     FolderOption,
     FullOption,
     ResultsJsonOption,
     choose_many,
     default_folder,
+    figure_formats,
     option,
 )
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
@@ -80,6 +82,7 @@ def compare(
     run_timeout: _TimeoutOption = None,
     fault: FaultOption = None,
     out: FolderOption = None,
+    figures: FiguresOption = None,
     json: ResultsJsonOption = False,
     full: FullOption = False,
 ) -> None:
@@ -110,6 +113,7 @@ def compare(
 
     if out is not None:
         study.check_study_folder(out)
+    formats = figure_formats(figures, ("svg", "pdf"))
     if controllers and "=" in controllers:
         raise InvalidInput(
             "--controllers takes names only; give parameters with --controller NAME,KEY=VALUE"
@@ -125,6 +129,7 @@ def compare(
         numbered=out is None,
         json=json,
         full=full,
+        figures=formats,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import threading
 from contextlib import contextmanager, suppress
@@ -58,7 +59,7 @@ def drive(
     The pipeline is that of `omnidrive run`, at the sample time of the scenario. Keys: `a` and Enter
     arms the robot, also after it was held; Enter alone, or Ctrl-C, stops it. Log, time series,
     figures and report are written to a run folder. The exit status is 1 if the robot does not reach
-    the end of the reference.
+    the end of the reference, and 130 after Ctrl-C.
 
     For example:
 
@@ -88,6 +89,8 @@ def drive(
         conclude(f"results: {folder.path} (open {report})")
     else:
         conclude(f"nothing was driven; inputs and log: {folder.path}")
+    if controls.interrupted:
+        signal.raise_signal(controls.interrupted)  # with its exit status
     if not result.finished:
         raise RunFailed(f"the robot stopped early: {result.ending}")
 
@@ -128,7 +131,7 @@ def _drive(
     (label,) = planned.scenario.controllers
     log = None
     if find_spec("mcap") is None:
-        show("no log: it needs the extra mcap: pip install 'omnidrive[mcap]'")
+        show("no log: it needs the package mcap: pip install mcap")
     else:
         log = DriveLog(folder.path / _LOG, attached_inputs(folder))
     result = drive_robot(
@@ -171,6 +174,8 @@ def _keys(controls: DriveControls, *, armed: bool) -> Iterator[None]:
     """Arm and stop with keys within the context, if the input is a terminal or a pipe."""
     if not armed:
         show("press a and Enter to arm the robot, Enter to stop it")
+    elif not os.isatty(0):
+        show("the input is no terminal: a robot that was held cannot be armed again; Ctrl-C ends")
 
     def listen() -> None:
         """Read lines until one stops the robot."""

@@ -8,6 +8,7 @@ from importlib.resources import files
 from importlib.util import find_spec
 from keyword import iskeyword
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Literal, get_args
 
 import typer
@@ -97,7 +98,8 @@ def new(
         show(f"wrote {path}")
     file, *tests = texts
     for command in _TRY[chosen]:
-        show(f"  {command.format(file=file, name=class_name, test=''.join(map(str, tests)))}")
+        test = quote("".join(map(str, tests)))
+        show(f"  {command.format(file=quote(str(file)), name=class_name, test=test)}")
 
 
 def _names(name: str) -> tuple[str, str]:

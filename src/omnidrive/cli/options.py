@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from omnidrive.cli.completion import Complete, one_of
+from omnidrive.cli.completion import Complete, one_of, some_of
 from omnidrive.errors import InvalidInput
 from omnidrive.files.number_text import parse_number
 from omnidrive.parameter import check_choice
@@ -90,12 +90,29 @@ FolderOption = Annotated[
     Path | None,
     option(
         "FOLDER",
-        "New folder for the results, with figures as SVG and PDF [default: runs/NAME-TIME].",
+        "New folder for the results [default: runs/NAME-TIME].",
         RESULTS_PANEL,
         "--out",
     ),
 ]
 ForceOption = Annotated[bool, flag("Replace an existing file.", None, "--force")]
+FIGURE_FORMATS = ("svg", "pdf", "png")
+"""Formats of figures."""
+
+
+def figures_option(default: str) -> Any:
+    """Return the option ``--figures`` with a default."""
+    return option(
+        "A,B,...",
+        f"Formats of the figures: {', '.join(FIGURE_FORMATS)}; none: no figures [default: "
+        f"{default}].",
+        RESULTS_PANEL,
+        "--figures",
+        complete=some_of((*FIGURE_FORMATS, "none")),
+    )
+
+
+FiguresOption = Annotated[str | None, figures_option("svg,pdf")]
 FullOption = Annotated[
     bool,
     flag(
@@ -108,6 +125,17 @@ ResultsJsonOption = Annotated[
     bool, flag("Print results.json instead of tables.", RESULTS_PANEL, "--json")
 ]
 JsonOption = Annotated[bool, flag("Print JSON.", RESULTS_PANEL, "--json")]
+
+
+def figure_formats(text: str | None, default: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the formats of figures that ``--figures`` names; empty: none.
+
+    Raises:
+        InvalidInput: There is no such format.
+    """
+    if text is None or text.strip() == "none":
+        return default if text is None else ()
+    return choose_many("figure format", text, FIGURE_FORMATS)
 
 
 def parse_coordinates(text: str) -> list[float]:

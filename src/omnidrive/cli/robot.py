@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
@@ -132,7 +133,7 @@ def import_(
         warn(warning)
     if out is not None:
         save_robot(found.robot, out, notes=[f"Imported from {file.name}.", *found.notes])
-        text = f"written to {out}; check it by: omnidrive robot show {out}"
+        text = f"written to {out}; check it by: omnidrive robot show {quote(str(out))}"
         conclude(text, beside_json=json)
     else:
         conclude("not written; use --out FILE.yaml", beside_json=json)

@@ -12,12 +12,14 @@ from omnidrive.cli.faults import FaultOption, with_faults
 from omnidrive.cli.options import (
     RESULTS_PANEL,
     RUN_PANEL,
+    FiguresOption,
     FolderOption,
     ForceOption,
     FullOption,
     ResultsJsonOption,
     choice,
     default_folder,
+    figure_formats,
     flag,
     option,
 )
@@ -55,6 +57,7 @@ def run(
     fault: FaultOption = None,
     view: _ViewOption = False,
     out: FolderOption = None,
+    figures: FiguresOption = None,
     video: _VideoOption = None,
     save_robot: _SaveRobotOption = None,
     force: ForceOption = False,
@@ -81,6 +84,7 @@ def run(
 
     if out is not None:
         study.check_new_folder(out)
+    formats = figure_formats(figures, ("svg", "pdf"))
     if video is not None:
         check_film(video)
     if save_robot is not None:
@@ -95,7 +99,12 @@ def run(
         progress = stack.enter_context(LiveProgress())
         observers: list[Observer] = [*viewers, *recorders]
         done = study.run_study(
-            resolved, folder, progress=progress, observers=observers, numbered=out is None
+            resolved,
+            folder,
+            progress=progress,
+            observers=observers,
+            numbered=out is None,
+            figures=formats,
         )
         videos = [save_film(each.recording, video, progress) for each in recorders if video]
     print_results(done, json=json, full=full, lines=[f"video: {each}" for each in videos])

@@ -7,7 +7,15 @@ from typing import Annotated
 
 import typer
 
-from omnidrive.cli.options import RESULTS_PANEL, FullOption, JsonOption, flag, option
+from omnidrive.cli.options import (
+    RESULTS_PANEL,
+    FullOption,
+    JsonOption,
+    figure_formats,
+    figures_option,
+    flag,
+    option,
+)
 from omnidrive.cli.terminal import conclude, print_json
 
 StudyArgument = Annotated[
@@ -33,6 +41,7 @@ def report(
     out: Annotated[
         Path | None, option("FOLDER", "Folder of the report [default: that of the study].")
     ] = None,
+    figures: Annotated[str | None, figures_option("svg")] = None,
     allow_code: AllowCodeOption = False,
     full: FullOption = False,
 ) -> None:
@@ -40,7 +49,8 @@ def report(
 
     The report is one HTML file, report.html, that needs no network: question, answer, figures,
     tables, set-up, and how to repeat the study. Tables are written as CSV and LaTeX, too, and
-    figures as SVG. A study that is not finished gives a report of its finished runs.
+    figures in the formats of `--figures`. A study that is not finished gives
+    a report of its finished runs.
 
     For example:
 
@@ -51,10 +61,11 @@ def report(
     from omnidrive.cli.tables import print_tables
     from omnidrive.study.stored_study import read_study, report_study
 
+    formats = figure_formats(figures, ("svg",))
     with LiveProgress() as progress:
         progress.part("report", 0)
         found = read_study(folder, allow_code=allow_code)
-        written = report_study(found, metric, out, progress.done)
+        written = report_study(found, metric, out, progress.done, formats)
     print_tables(written.tables, full=full)
     conclude(f"report: {written.page}")
 

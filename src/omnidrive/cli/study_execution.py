@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
 from time import monotonic
@@ -13,12 +16,15 @@ from rich.text import Text
 
 from omnidrive.cli.compile_status import displays
 from omnidrive.cli.options import available_cores
-from omnidrive.cli.terminal import conclude, count_text, encodable, escaped, is_quiet, show
+from omnidrive.cli.terminal import conclude, count_text, encodable, escaped, is_quiet, note, show
+from omnidrive.errors import WorkerLost
 from omnidrive.evaluation.stop_rule import StopRule
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.experiment import Progress
+from omnidrive.study.output_paths import STORE_FILE
 from omnidrive.study.run_experiment import run_experiment
 from omnidrive.study.store import Store
+from omnidrive.study.study_folder import resume_command
 from omnidrive_command import check_interrupted
 
 _LINES_EVERY = 10.0  # s between two lines that are not on a terminal
@@ -49,7 +55,7 @@ def execute_study(
         OmnidriveError: See :func:`~omnidrive.study.run_experiment.run_experiment`.
     """
     rule = StopRule.parse(until) if until else None
-    with StudyProgress() as progress:
+    with continued_by(folder, definition), StudyProgress() as progress:
         run_experiment(
             definition,
             folder,
@@ -66,7 +72,20 @@ def execute_study(
     show(f"runs: {count_text(status.outcomes)}")
     for number, reason in status.failures:
         show(f"  run {number}: {reason}")
-    conclude(f"results: {folder} (report: omnidrive study report {folder})")
+    report = shlex.join(["omnidrive", "study", "report", str(folder)])
+    conclude(f"results: {folder} (report: {report})")
+
+
+@contextmanager
+def continued_by(folder: Path, definition: StudyDefinition) -> Iterator[None]:
+    """Print how a study is continued that is interrupted, or loses its workers, in the context."""
+    try:
+        yield
+    except (KeyboardInterrupt, WorkerLost):
+        if (folder / STORE_FILE).is_file():
+            command = resume_command(folder, allow_code=definition.names_code)
+            note(f"continue with: {command}")
+        raise
 
 
 class StudyProgress:

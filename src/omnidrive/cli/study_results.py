@@ -9,9 +9,12 @@ from pathlib import Path
 from omnidrive import study
 from omnidrive.cli.options import available_cores
 from omnidrive.cli.progress import LiveProgress
+from omnidrive.cli.study_execution import continued_by
 from omnidrive.cli.tables import print_tables
 from omnidrive.cli.terminal import conclude, show, warn
+from omnidrive.control.controller import FALLS_BEHIND
 from omnidrive.study import Scenario, Study
+from omnidrive.study.definition import StudyDefinition
 
 
 def run_and_print(
@@ -23,6 +26,7 @@ def run_and_print(
     numbered: bool = False,
     json: bool = False,
     full: bool = False,
+    figures: Sequence[str] = ("svg", "pdf"),
 ) -> None:
     """Run the study of a scenario, or continue it, and print its results.
 
@@ -34,11 +38,13 @@ def run_and_print(
         numbered: Whether to append -2, -3, ... to the name of a folder that exists.
         json: Print results.json instead of tables.
         full: Print all tables and columns.
+        figures: Formats of the figures.
 
     Raises:
         OmnidriveError: See :func:`~omnidrive.study.run_study`.
     """
-    with LiveProgress() as progress:
+    definition = StudyDefinition.from_scenario(scenario, series="all")
+    with continued_by(folder, definition), LiveProgress() as progress:
         done = study.run_study(
             scenario,
             folder,
@@ -46,6 +52,7 @@ def run_and_print(
             progress=progress,
             run_timeout=run_timeout,
             numbered=numbered,
+            figures=figures,
         )
     parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in done.timing.items())
     total = f"{parts} = {sum(done.timing.values()):.1f} s"
@@ -80,10 +87,12 @@ def print_results(done: Study, *, json: bool, full: bool, lines: Sequence[str]) 
 
 def _print_events(done: Study) -> None:
     """Print the events of tracking runs and step responses: faults, detections and reactions."""
+    told = FALLS_BEHIND if len(done.results.types) > 1 else None  # by the verdict
     for result in done.results.runs:
-        if result.run.events:
+        events = [each for each in result.run.events if not (told and each.what.endswith(told))]
+        if events:
             show(f"{result.name}:")
-        for event in result.run.events:
+        for event in events:
             show(f"  {event.t:6.2f} s  {event.what}")
 
 

@@ -27,7 +27,7 @@ SchedulerOption = Annotated[
     option(
         "ADDRESS",
         "Compute on the workers of a Dask scheduler, such as tcp://192.168.1.5:8786, with the same "
-        "results; needs omnidrive[cluster].",
+        "results; needs dask and distributed.",
     ),
 ]
 CodeOption = Annotated[
@@ -56,7 +56,7 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
     from omnidrive.study.claims import at_work
     from omnidrive.study.run_plan import RunPlan
     from omnidrive.study.store import Store
-    from omnidrive.study.study_folder import load_study
+    from omnidrive.study.study_folder import load_study, resume_command
 
     definition, until = load_study(folder, allow_code=CodePermission.UNREAD)
     planned = len(RunPlan(definition))
@@ -80,8 +80,8 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
         warn(str(found.loss))
     show(f"at work: {working.runs:,} runs in {working.processes} processes")
     if found.runs < planned and not working.processes:
-        code = " --allow-code" if definition.names_code else ""
-        show(f"continue with: omnidrive study resume {folder}{code}")
+        command = resume_command(folder, allow_code=definition.names_code)
+        show(f"continue with: {command}")
 
 
 def resume(

@@ -117,6 +117,15 @@ class CacheFolder:
         with suppress(OSError):
             (self.path / name).unlink(missing_ok=True)
 
+    def clear(self) -> int:
+        """Remove all compiled kernels, and the folder if it is empty then; return their number."""
+        found = self.names("")
+        with suppress(OSError):
+            for name in [*found, *(each.name for each in self.path.glob("*.tmp")), _LOCK]:
+                self.remove(name)
+            self.path.rmdir()
+        return len(found)
+
     @contextmanager
     def locked(self, name: str) -> Iterator[None]:
         """Wait until no other process holds the lock of a name, and hold it.

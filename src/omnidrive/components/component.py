@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from inspect import getdoc, signature
+from inspect import getdoc, isfunction, signature
 from typing import Any, get_type_hints
 
 import pydantic
 from pydantic import BaseModel, ConfigDict, PydanticUserError, ValidationError, create_model
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
+from omnidrive.components.calls import call_fault
 from omnidrive.components.documentation import plain_text
 from omnidrive.components.entry_points import noun
 from omnidrive.components.fields import field_names, field_type, plain
@@ -42,13 +43,13 @@ _OTHER_CODE = (
 _FORMS = "f(), f(context) or f(context, parameters: ITS_PARAMETER_CLASS)"
 _PLAIN_TYPES = (float, int, str, bool, "float", "int", "str", "bool")
 """Annotations of values, which are parameters and not a context."""
-_METHODS = {
-    "controllers": ("reset", "step"),
-    "plants": ("reset", "step", "close"),
-    "estimators": ("reset", "update"),
-    "links": ("open", "read", "send", "stop", "close"),
+_METHODS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "controllers": {"reset": ("state",), "step": ("t", "state", "reference")},
+    "plants": {"reset": ("pose",), "step": ("command", "dt"), "close": ()},
+    "estimators": {"reset": ("pose",), "update": ("readings",)},
+    "links": {"open": ("clock",), "read": (), "send": ("value",), "stop": (), "close": ()},
 }
-"""Methods of the product of a factory, by group."""
+"""Methods of the product of a factory, by group, with the arguments of their calls."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,16 +78,23 @@ class Component:
         """Check the methods of a class.
 
         Raises:
-            InvalidInput: The class has not all methods of its group.
+            InvalidInput: The class has not all methods of its group, or one of them takes other
+                arguments than it is called with.
         """
         if not isinstance(self.factory, type) or hasattr(self.factory, "__getattr__"):
             return
-        missing = [n for n in _METHODS.get(self.group, ()) if not hasattr(self.factory, n)]
+        methods = _METHODS.get(self.group, {})
+        missing = [name for name in methods if not hasattr(self.factory, name)]
         if missing:
             raise InvalidInput(
                 f"the class {one_line(self.name)} is no {noun(self.group)}: it has no method "
                 f"{' and no method '.join(missing)}"
             )
+        for name, arguments in methods.items():
+            method = inspect.getattr_static(self.factory, name)
+            fault = call_fault(method, arguments, unbound=True) if isfunction(method) else ""
+            if fault:
+                raise InvalidInput(f"the class {one_line(self.name)}: {one_line(fault)}")
 
     @property
     def summary(self) -> str:

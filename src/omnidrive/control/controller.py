@@ -10,8 +10,9 @@ from typing import ClassVar, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
+from omnidrive.components.calls import call_fault
 from omnidrive.control.reduced_drive import ReducedDrive
-from omnidrive.errors import InvalidInput, kind_of
+from omnidrive.errors import InvalidInput, kind_of, one_line
 from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
@@ -139,8 +140,8 @@ def check_controller(controller: object, dt: float) -> None:
     """Check an object that is to control a robot in a loop with a sample time of ``dt`` (s).
 
     Raises:
-        InvalidInput: It is a class, has no ``reset`` or ``step``, or is built for another sample
-            time.
+        InvalidInput: It is a class, has no ``reset`` or ``step``, one of them takes other
+            arguments, or it is built for another sample time.
     """
     if isinstance(controller, type):
         raise InvalidInput(
@@ -154,6 +155,11 @@ def check_controller(controller: object, dt: float) -> None:
             f"a controller needs the methods reset(state) and step(t, state, reference): "
             f"{type(controller).__name__} has no {' and no '.join(missing)}"
         )
+    calls = {"reset": ("state",), "step": ("t", "state", "reference")}
+    for name, arguments in calls.items():
+        fault = call_fault(getattr(controller, name), arguments, unbound=False)
+        if fault:
+            raise InvalidInput(f"{type(controller).__name__}: {one_line(fault)}")
     built_for = getattr(controller, "dt", None)
     if isinstance(built_for, Real) and not isclose(built_for, dt, rel_tol=1e-6):
         raise InvalidInput(
@@ -229,6 +235,10 @@ class LimitedController(Controller, Protocol):
         ...
 
 
+FALLS_BEHIND = ": the robot falls behind"
+"""End of every text of :func:`limits_notice`."""
+
+
 def limits_notice(controller: LimitedController, reference: Reference, dt: float) -> str:
     """Return which limits of a controller a reference exceeds, in one line; empty: none.
 
@@ -246,11 +256,10 @@ def limits_notice(controller: LimitedController, reference: Reference, dt: float
     vx, vy, yaw_rate = np.abs(reference.window(0.0, count, dt)[:, 3:]).T
     peaks = CommandLimits(float(np.hypot(vx, vy).max()), float(yaw_rate.max()))
     excesses = [
-        f"{what} up to {peak:.3g} {unit}, and {type(controller).__name__} commands at most "
-        f"{limit:.3g} {unit}"
+        f"{what} up to {peak:.3g} {unit}, and the controller commands at most {limit:.3g} {unit}"
         for what, unit, peak, limit in zip(
             ("moves at", "turns at"), ("m/s", "rad/s"), peaks, limits, strict=True
         )
         if peak > (1.0 + _ROUNDING) * limit
     ]
-    return f"the reference {'; it '.join(excesses)}: the robot falls behind" if excesses else ""
+    return f"the reference {'; it '.join(excesses)}{FALLS_BEHIND}" if excesses else ""

@@ -44,6 +44,7 @@ class DriveControls:
         stop_reason: Reason of the request to stop; None: there is none.
         hold_reason: Reason of the request to hold; None: there is none.
         arm_requested: Whether the robot is to be armed.
+        interrupted: Number of the first signal that stopped the drive; 0: none.
         starts: Whether the controller has not driven yet.
         tracked: What the drive tracks; set by the loop. None: the controller does not drive.
         continuation: Other motion to track. The loop removes it in the next sample, whether it
@@ -59,6 +60,7 @@ class DriveControls:
         self.stop_reason: str | None = None
         self.hold_reason: str | None = None
         self.arm_requested = arm
+        self.interrupted = 0
         self.starts = True
         self.tracked: Tracked | None = None
         self.continuation: Continuation | None = None
@@ -102,6 +104,7 @@ class DriveControls:
 
         def handle(number: int, _frame: FrameType | None) -> None:
             """Stop for a signal."""
+            self.interrupted = self.interrupted or number
             self.stop(f"signal {signal.Signals(number).name}")
 
         names = ("SIGINT", "SIGTERM", "SIGHUP")

@@ -22,6 +22,7 @@ class StudyFacts:
         definition: Text of the study file.
         file: Name of the study file.
         command: Command that repeats the study, given the study file.
+        resume: Command that computes missing runs.
         hashes: SHA-256 in hexadecimal digits of what the results depend on and of the results, by
             their names.
         versions: Versions of the distributions that computed the results, as far as they are known.
@@ -38,6 +39,7 @@ class StudyFacts:
     definition: str = ""
     file: str = "study.yaml"
     command: str = ""
+    resume: str = ""
     hashes: Mapping[str, str] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     until: str = ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -58,8 +58,10 @@ def write_study_report(
     tables: StudyTables,
     folder: StrPath,
     metric: str | None = None,
+    *,
+    formats: Sequence[str] = ("svg",),
 ) -> Iterator[Path]:
-    """Write ``figures/*.svg``, ``tables/*`` and ``report.html``, which contains all of them.
+    """Write ``figures/*``, ``tables/*`` and ``report.html``, which contains all of them.
 
     Equal runs and computing times give identical files.
 
@@ -69,6 +71,8 @@ def write_study_report(
         tables: Its tables.
         folder: Output folder; created if it does not exist. Files of these names are replaced.
         metric: Compared quantity; None: that of :func:`main_metric` in each task.
+        formats: Formats of the figures, some of svg, pdf and png; empty: no figures, also in the
+            page.
 
     Yields:
         Path of each file after it is written.
@@ -80,13 +84,20 @@ def write_study_report(
     folder = to_path(folder)
     answers = study_answers(study, metric)
     styles = facts.styles(study.runs.controllers)
-    create_folder(folder / "figures")
     figures = []
-    for each in study_figures(study, answers, styles):
+    for each in study_figures(study, answers, styles) if formats else ():
+        create_folder(folder / "figures")
         path = folder / "figures" / f"{each.name}.svg"
         save(each.figure, path)
         figures.append(PageFigure(each.title, each.caption, path.read_bytes()))
-        yield path
+        each.figure.set_layout_engine("none")  # the layout is that of the first file
+        if "svg" not in formats:
+            path.unlink()
+        for suffix in formats:
+            written = path.with_suffix(f".{suffix}")
+            if suffix != "svg":
+                save(each.figure, written)
+            yield written
     yield from write_tables(tables.every, folder / "tables")
     page = EvidencePage(facts, study, answers, tables.evidence, tables.claims, figures, styles)
     path = folder / "report.html"

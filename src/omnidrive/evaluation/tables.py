@@ -24,7 +24,7 @@ from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
 from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
 from omnidrive.evaluation.table import NO_VALUE, Table, number_text
 from omnidrive.evaluation.uncertainty import p_text
-from omnidrive.evaluation.verdict import verdicts
+from omnidrive.evaluation.verdict import limit_notes, verdicts
 from omnidrive.evaluation.verdict_table import verdict_table
 from omnidrive.simulation import Outcome
 
@@ -44,7 +44,7 @@ def study_tables(
         published_rules: Whether the fuzzy controllers used the rules of the published code.
     """
     tables = [
-        verdict_table(verdicts(results)),
+        verdict_table(verdicts(results), limit_notes(results)),
         _tracking_table(results, published),
         _noise_table(results, published),
         paired_table(results),

@@ -8,13 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omnidrive.control.controller import FALLS_BEHIND
 from omnidrive.evaluation.paired import (
     PairedDifference,
     RepeatedRuns,
     group_runs,
     paired_differences,
 )
-from omnidrive.evaluation.results import FaultResult, StepResult, StudyResults
+from omnidrive.evaluation.results import FaultResult, StepResult, StudyResults, TrackResult
 from omnidrive.evaluation.table import NO_VALUE, RESOLUTION, number_text
 from omnidrive.evaluation.uncertainty import CONFIDENCE, estimate_mean, p_text
 from omnidrive.simulation import Outcome, Run
@@ -183,6 +184,22 @@ def headline(found: Iterable[Verdict]) -> list[str]:
             wins.setdefault(each.best.name, []).append(each.name)
     best = [f"Best in {_listed(tasks)}: {name}." for name, tasks in wins.items()]
     return [*best, *others]
+
+
+def limit_notes(results: StudyResults) -> list[str]:
+    """Return sentences on references that exceed the limits of controllers, each with its labels.
+
+    Of each controller the shortest reference counts, which is the fastest.
+    """
+    fastest: dict[str, TrackResult | FaultResult] = {}
+    for result in sorted((*results.tracks, *results.faults), key=lambda each: each.duration):
+        fastest.setdefault(result.controller, result)
+    notes: dict[str, list[str]] = {}
+    for label, result in fastest.items():
+        for event in result.run.events:
+            if event.what.endswith(FALLS_BEHIND):
+                notes.setdefault(f"In {result.duration:g} s, {event.what}", []).append(label)
+    return [f"{text} ({', '.join(labels)})." for text, labels in notes.items()]
 
 
 def _tie(task: str, advantage: Advantage, first: str, second: str) -> str:

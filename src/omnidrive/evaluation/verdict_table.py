@@ -22,8 +22,13 @@ _DEFINITIONS = (
 )
 
 
-def verdict_table(found: Sequence[Verdict]) -> Table:
-    """Return a table with the best controller of each task, its advantage and its cost."""
+def verdict_table(found: Sequence[Verdict], notes: Sequence[str] = ()) -> Table:
+    """Return a table with the best controller of each task, its advantage and its cost.
+
+    Args:
+        found: The verdicts.
+        notes: Sentences after those that name the best controllers.
+    """
     measures = {verdict.measure for verdict in found}
     note = " ".join(text for measure, text in _MEASURES.items() if measure in measures)
     unranked = [f"{', '.join(v.unranked)} ({v.name})" for v in found if v.unranked]
@@ -46,7 +51,7 @@ def verdict_table(found: Sequence[Verdict]) -> Table:
         definitions=_DEFINITIONS if is_repeated else _DEFINITIONS[:1],
         keys=2,
         compact=compact,
-        lead=" ".join(headline(found)),
+        lead=" ".join([*headline(found), *notes]),
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ try:
     import gymnasium
 except ModuleNotFoundError:
     raise MissingExtra(
-        "omnidrive.gym needs the extra gymnasium: pip install 'omnidrive[gymnasium]'"
+        "omnidrive.gym needs gymnasium, which is not installed: pip install gymnasium"
     ) from None
 
 from omnidrive.gym.tracking import TrackingEnv

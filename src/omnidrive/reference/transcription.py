@@ -183,7 +183,7 @@ def casadi() -> ModuleType:
     except ImportError as error:
         raise MissingExtra(
             "free headings and timing 'minimum-time' need CasADi, which is not installed: "
-            "pip install 'omnidrive[casadi]', or choose timing 'limits' with another heading"
+            "pip install casadi, or choose timing 'limits' with another heading"
         ) from error
 
 

@@ -44,7 +44,7 @@ def log_frame(columns: Sequence[LogColumn]) -> DataFrame:
         pandas = import_module("pandas")
     except ModuleNotFoundError:
         raise MissingExtra(
-            "to_pandas needs pandas, which is not installed: pip install 'omnidrive[pandas]'"
+            "to_pandas needs pandas, which is not installed: pip install pandas"
         ) from None
     frame: DataFrame = pandas.DataFrame({column.name: column.values for column in columns})
     frame.attrs["units"] = {column.name: column.unit for column in columns}

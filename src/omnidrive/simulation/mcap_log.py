@@ -31,7 +31,7 @@ def mcap_writer() -> Any:
     except ModuleNotFoundError:
         raise MissingExtra(
             "MCAP files need the package mcap, which is not installed: "
-            "pip install 'omnidrive[mcap]', or choose .parquet or .csv"
+            "pip install mcap, or choose .parquet or .csv"
         ) from None
 
 

@@ -23,7 +23,10 @@ from omnidrive.simulation.guard import RunEnded
 from omnidrive.simulation.plant import PlantState
 from omnidrive.simulation.run import Outcome, Run
 
-_logger = logging.getLogger("omnidrive")
+RUN_LOGGER = "omnidrive.simulation.run"
+"""Name of the logger of the notices of runs."""
+
+_logger = logging.getLogger(RUN_LOGGER)
 _UNKNOWN = (nan, nan, nan)
 
 

@@ -47,7 +47,7 @@ class ClusterPool:
             self._dask = import_module("distributed")
         except ModuleNotFoundError:
             raise MissingExtra(
-                "a scheduler needs Dask, which is not installed: pip install 'omnidrive[cluster]'"
+                "a scheduler needs Dask, which is not installed: pip install dask distributed"
             ) from None
         self._address = one_line(address, 200)
         self._setup = cloudpickle.dumps(setup)
@@ -126,10 +126,7 @@ class ClusterPool:
         """Return the call of a future that is done."""
         call = self._calls.pop(future)
         if future.cancelled():
-            raise WorkerLost(
-                f"the scheduler at {self._address} was lost; finished runs are kept. Continue "
-                "with: omnidrive study resume"
-            )
+            raise WorkerLost(f"the scheduler at {self._address} was lost; finished runs are kept")
         error = future.exception()
         if isinstance(error, self._dask.scheduler.KilledWorker):
             return Ended(call, Lost.KILLED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -39,6 +40,36 @@ class Progress(NamedTuple):
     """Controller with the least mean ``me`` of the runs of this call, and that mean, m."""
 
 
+class _Pace:
+    """Time per run of the latest half of the runs.
+
+    The first block of each process does not count, because it compiles kernels.
+
+    Args:
+        processes: Number of processes.
+    """
+
+    def __init__(self, processes: int) -> None:
+        self._skipped = processes
+        self._ends: deque[tuple[float, int]] = deque()
+
+    def update(self, now: float, computed: int) -> float:
+        """Consider the end of a block; return the time per run, s, infinite if it is unknown.
+
+        Args:
+            now: Present time, s.
+            computed: Number of runs that are computed.
+        """
+        self._skipped -= 1
+        if self._skipped > 0:
+            return inf
+        self._ends.append((now, computed))
+        while len(self._ends) > 2 and 2 * self._ends[1][1] <= computed:
+            self._ends.popleft()
+        began, before = self._ends[0]
+        return (now - began) / (computed - before) if computed > before else inf
+
+
 @dataclass(slots=True)
 class Experiment:
     """A plan that is executed into a store.
@@ -56,7 +87,7 @@ class Experiment:
     folder: StrPath
     definition: str
     first: int | None = None
-    _began: float = field(default=0.0, init=False)
+    _pace: _Pace = field(default_factory=lambda: _Pace(1), init=False)
     _computed: int = field(default=0, init=False)
     _unfinished: int = field(default=0, init=False)
     _means: dict[str, tuple[int, float]] = field(default_factory=dict, init=False)
@@ -111,7 +142,8 @@ class Experiment:
             plan = PlanPrefix(self.plan, len(self.plan) if self.first is None else self.first)
             with Claims(store, plan) as claims:
                 source = _UnstoredRuns(store, claims, plan, processes, extend)
-                self._began, before = monotonic(), store.status().runs
+                self._pace = _Pace(1 if here else processes)
+                before = store.status().runs
                 blocks = execute_blocks(
                     source, work, processes, time_limit=time_limit, in_process=here,
                     scheduler=scheduler,
@@ -135,11 +167,11 @@ class Experiment:
 
     def _progress(self, done: int, total: int) -> Progress:
         """Return the progress."""
-        seconds = monotonic() - self._began
-        each = seconds / self._computed if self._computed else inf
+        each = self._pace.update(monotonic(), self._computed)
         means = {name: mean for name, (_, mean) in self._means.items()}
         best = min(means.items(), key=lambda item: item[1]) if len(means) > 1 else None
-        return Progress(done, total, self._unfinished, max(total - done, 0) * each, best)
+        left = (total - done) * each if done < total else 0.0
+        return Progress(done, total, self._unfinished, left, best)
 
     def _lost(self, number: int, lost: Lost) -> RunRecord:
         """Return the record of a run whose process was lost."""

@@ -81,7 +81,7 @@ class StoreStatus(NamedTuple):
     outcomes: dict[str, int]
     """Stored runs by outcome."""
     failures: list[tuple[int, str]]
-    """Number and reason of the first runs that ended early."""
+    """Number and reason, or outcome without a reason, of the first runs that ended early."""
     loss: Loss
     """Stored runs that are damaged; they are not counted above."""
 
@@ -270,7 +270,7 @@ class Store:
             for rows in valid_rows(self._connection, f"{columns}, finished"):
                 counts.update(row[1] for row in rows)
                 if len(failures) < _MOST_FAILURES:
-                    failures += [(number, text) for number, _, text, done in rows if not done]
+                    failures += [(n, t or o.replace("_", " ")) for n, o, t, ok in rows if not ok]
             lost = loss(self._connection, counts.total(), self._facts()["runs"])
         first = [(n, (text.splitlines() or [""])[0]) for n, text in failures[:_MOST_FAILURES]]
         return StoreStatus(counts.total(), dict(sorted(counts.items())), first, lost)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from hashlib import sha256
 from importlib.metadata import version
 from io import RawIOBase
 from pathlib import Path
+from shlex import quote
 from typing import Any, NamedTuple
 
 import pyarrow as pa
@@ -29,10 +30,15 @@ from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.run_key import VERSIONS, plan_digest
 from omnidrive.study.run_plan import RunPlan
-from omnidrive.study.scenario import Scenario
+from omnidrive.study.setup_facts import setup_facts
 from omnidrive.study.store import Store
 from omnidrive.study.stored_rows import Loss
-from omnidrive.study.study_folder import DEFINITION_FILE, SCENARIO_FILE, load_study
+from omnidrive.study.study_folder import (
+    DEFINITION_FILE,
+    SCENARIO_FILE,
+    load_study,
+    resume_command,
+)
 
 EXPORT_SUFFIXES = (".csv", ".parquet")
 """Suffixes of exported tables."""
@@ -40,7 +46,6 @@ EXPORT_SUFFIXES = (".csv", ".parquet")
 _log = logging.getLogger("omnidrive")
 
 _PAPER_TABLES = "paper-tables"  # study whose report checks the claims of the paper
-_MAX_VALUES = 12  # of an axis in the set-up
 
 
 class StoredStudy(NamedTuple):
@@ -69,18 +74,19 @@ class StoredStudy(NamedTuple):
     def facts(self) -> StudyFacts:
         """Return what the report states beside the results."""
         definition, plan = self.definition, RunPlan(self.definition)
-        until = f" --until {self.until}" if self.until else ""
+        until = f" --until {quote(self.until)}" if self.until else ""
         scenario, code = definition.scenario, " --allow-code" if definition.names_code else ""
         return StudyFacts(
             name=definition.name,
             question=definition.question,
-            setup=_setup(definition),
+            setup=setup_facts(definition),
             types={label: _controller_type(each) for label, each in scenario.controllers.items()},
             planned=0 if self.until else len(plan),
             definition=self.text,
             command=f"omnidrive compare {SCENARIO_FILE}{code} --out repeated"
             if self.is_comparison
             else f"omnidrive study {DEFINITION_FILE}{until}{code} --out repeated",
+            resume=resume_command(self.folder, allow_code=definition.names_code),
             file=SCENARIO_FILE if self.is_comparison else DEFINITION_FILE,
             hashes={
                 "Definition": sha256(self.text.encode()).hexdigest(),
@@ -125,7 +131,8 @@ def read_study(folder: StrPath, *, allow_code: bool | CodePermission = False) ->
         table, timing, lost = store.tables()
     name = one_line(str(path))
     if lost.runs:
-        _log.warning("%s: %s; compute them again with: omnidrive study resume", name, lost)
+        again = resume_command(path, allow_code=definition.names_code)
+        _log.warning("%s: %s; compute them again with: %s", name, lost, one_line(again))
     if not table.num_rows:
         damaged = f" ({lost})" if lost.runs else ""
         raise InvalidInput(f"no run of the study in {name} is finished yet{damaged}")
@@ -148,6 +155,7 @@ def report_study(
     metric: str | None = None,
     out: StrPath | None = None,
     done: Callable[[str], None] = lambda _: None,
+    figures: Sequence[str] = ("svg",),
 ) -> StudyReport:
     """Write report.html, tables and figures of a study; older ones are replaced.
 
@@ -157,6 +165,7 @@ def report_study(
             faults the worst error.
         out: Folder of the report. None: that of the study; of a comparison, ``evidence`` in it.
         done: Called with the name of each file after it is written.
+        figures: Formats of the figures: some of svg, pdf and png, or none.
 
     Raises:
         InvalidInput: The runs have no such metric.
@@ -168,7 +177,7 @@ def report_study(
     remove_abandoned(folder)  # temporary files of killed reports
     tables = study_tables(evidence, facts, metric)
     page = folder
-    for page in write_study_report(evidence, facts, tables, folder, metric):
+    for page in write_study_report(evidence, facts, tables, folder, metric, formats=figures):
         done(page.name)
     return StudyReport(page, tables.every)
 
@@ -242,64 +251,6 @@ def _write_csv(table: pa.Table, file: Any) -> None:
         for name, column in zip(table.column_names, table.columns, strict=True)
     }  # fmt: skip
     pa_csv.write_csv(pa.table(columns), file)
-
-
-_SET_BY = {
-    "Robot": ("robot", "name"),
-    "Simulated robot": ("plant_robot", "name"),
-    "Plant": ("plant",),
-    "Reference": ("reference",),
-    "Sample time": ("sample_time",),
-    "Preset": ("preset",),
-}
-"""Facts that an axis may set, and the keys of its settings."""
-
-
-def _setup(definition: StudyDefinition) -> dict[str, str]:
-    """Return the facts about scenario, axes, random factors and repetitions."""
-    scenario = definition.scenario
-    facts = {
-        "Robot": scenario.robot.name,
-        **({"Simulated robot": scenario.plant_robot.name} if scenario.plant_robot else {}),
-        "Plant": _component_text(scenario.plant),
-        "Reference": _reference_text(scenario),
-        "Sample time": f"{scenario.sample_time:g} s",
-        "Preset": scenario.preset,
-        "Tasks": ", ".join(name for name, each in scenario.tasks if each is not None),
-        "Controllers": "; ".join(
-            label if _component_text(each) == label else f"{label}: {_component_text(each)}"
-            for label, each in scenario.controllers.items()
-        ),
-    }
-    set_by_axes = {keys for axis in definition.axes for keys in axis.keys}
-    for name, keys in _SET_BY.items():
-        if keys in set_by_axes:
-            facts.pop(name, None)
-    for axis in definition.axes:
-        labels = [f"{v:g}" if isinstance(v, float) else str(v) for v in axis.labels]
-        more = f", ... ({len(labels)} values)" if len(labels) > _MAX_VALUES else ""
-        facts[f"Axis {axis.name}"] = ", ".join(labels[:_MAX_VALUES]) + more
-    for factor in definition.random.factors:
-        facts[f"Random {factor.name}"] = one_line(factor.distribution, 200)
-    if definition.random.factors:
-        facts["Sampling"] = definition.random.method
-    for name, conditions in (("Only", definition.where), ("Left out", definition.leave_out)):
-        if conditions:
-            facts[name] = one_line("; ".join(str(each.source) for each in conditions), 300)
-    facts["Repetitions"] = f"{definition.repetitions}, seed {scenario.seed}"
-    return facts
-
-
-def _reference_text(scenario: Scenario) -> str:
-    if scenario.reference != "path":
-        return _component_text(scenario.reference)
-    return f"planned path on the map {one_line(Path(scenario.map.source).name, 60)}"
-
-
-def _component_text(configured: Any) -> str:
-    """Return type and changed parameters of a component."""
-    changes = ", ".join(f"{name} = {value}" for name, value in configured.changes.items())
-    return one_line(f"{configured.type} ({changes})" if changes else configured.type, 200)
 
 
 def _controller_type(configured: Any) -> ControllerType:

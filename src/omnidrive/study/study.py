@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from omnidrive.compiled import announce_compiling
 from omnidrive.components import Configured, configure
+from omnidrive.control.controller import FALLS_BEHIND
 from omnidrive.errors import InvalidInput, RunFailed
 from omnidrive.evaluation import (
     FaultResult,
@@ -29,6 +31,7 @@ from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.notebook import facts_html, table_html
 from omnidrive.parameter import Bounds, check_number
 from omnidrive.simulation import Outcome
+from omnidrive.simulation.run_log import RUN_LOGGER
 from omnidrive.study.folder import RunFolder
 from omnidrive.study.job_execution import execute_jobs, is_sequential
 from omnidrive.study.jobs import Job, Result, jobs_of
@@ -143,6 +146,7 @@ def run_study(
     observers: Sequence[Observer] = (),
     run_timeout: float | None = None,
     numbered: bool = False,
+    figures: Sequence[str] = ("svg", "pdf"),
 ) -> Study:
     """Plan a scenario, simulate and evaluate all its runs, and write the report.
 
@@ -159,6 +163,7 @@ def run_study(
         run_timeout: Largest wall time of a run in a worker process, s; a run that takes longer is
             ended, and the others go on. None: no limit.
         numbered: Whether to append -2, -3, ... to the name of a folder that exists.
+        figures: Formats of the figures: some of svg, pdf and png, or none.
 
     Raises:
         InvalidInput: The scenario is not feasible, or the runs cannot have a time limit.
@@ -179,7 +184,7 @@ def run_study(
     jobs = jobs_of(scenario)
     opened = StoredRuns(store, planned, jobs) if store and resumable else nullcontext()
     with opened as stored:
-        with clock.part("simulate", len(jobs)):
+        with clock.part("simulate", len(jobs)), _limits_in_the_verdict(scenario):
             if store:
                 store.save_inputs(planned)
             finished = stored.finished() if stored else {}
@@ -190,9 +195,26 @@ def run_study(
         results = collect_results(planned, jobs, finished)
         tables = _tables(scenario, results)
         if store:
-            _report(store, results, tables, clock)
+            _report(store, results, tables, clock, figures)
             store.save_results(planned, results, clock.seconds)
     return Study(results, tables, store.path if store else None, clock.seconds)
+
+
+@contextmanager
+def _limits_in_the_verdict(scenario: Scenario) -> Iterator[None]:
+    """Log no warnings that references exceed limits of controllers if the verdict states it."""
+
+    def is_other(record: logging.LogRecord) -> bool:
+        """Return whether a warning is about something else."""
+        return not record.getMessage().endswith(FALLS_BEHIND)
+
+    logger = logging.getLogger(RUN_LOGGER)
+    if len(scenario.controllers) > 1:
+        logger.addFilter(is_other)
+    try:
+        yield
+    finally:
+        logger.removeFilter(is_other)
 
 
 def _tables(scenario: Scenario, results: StudyResults) -> list[Table]:
@@ -262,12 +284,17 @@ def _collect_and_save(
 
 
 def _report(
-    store: RunFolder, results: StudyResults, tables: Sequence[Table], clock: _Clock
+    store: RunFolder,
+    results: StudyResults,
+    tables: Sequence[Table],
+    clock: _Clock,
+    figures: Sequence[str],
 ) -> None:
     """Write figures, tables and the page, each as a part of the study."""
-    with clock.part("figures", 0):
-        for path in write_figures(results, store.path / "figures"):
-            clock.progress.done(path.name)
+    if figures:
+        with clock.part("figures", 0):
+            for path in write_figures(results, store.path / "figures", figures):
+                clock.progress.done(path.name)
     with clock.part("tables", 0):
         for path in write_tables(tables, store.path / "tables"):
             clock.progress.done(path.name)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 from omnidrive.components.code import CodePermission
 from omnidrive.errors import InvalidStore, one_line
 from omnidrive.files.str_path import StrPath, to_path
@@ -16,6 +18,17 @@ DEFINITION_FILE = "study.yaml"
 
 SCENARIO_FILE = "scenario.yaml"
 """Name of the scenario in the folder of a study of one scenario, which keeps all logs."""
+
+
+def resume_command(folder: StrPath, *, allow_code: bool) -> str:
+    """Return the command that continues the study in a folder, quoted for a shell.
+
+    Args:
+        folder: The folder.
+        allow_code: Whether the study names code.
+    """
+    words = ["omnidrive", "study", "resume", str(to_path(folder))]
+    return shlex.join([*words, "--allow-code"] if allow_code else words)
 
 
 def load_study(

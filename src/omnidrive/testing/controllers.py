@@ -49,8 +49,8 @@ def check_controller(
         robot: The robot. None: the built-in robot `small`.
         dt: Sample time, s.
         parameters: Parameters for the factory. None: the defaults.
-        invariant: Whether the law of rotation applies; not for controllers that depend on the
-            world, for example on a map.
+        invariant: Whether the law of rotation applies; not for controllers that depend on position
+            or direction in the world, for example on a map.
         converges: Whether the law of convergence applies.
 
     Raises:
@@ -134,7 +134,8 @@ class _ControllerLaws(Laws):
                 return (
                     f"with the world turned by {angle} rad, the command at {t:g} s is {b} instead "
                     f"of {a}: are errors in the world frame W used as velocities in the body "
-                    "frame B?"
+                    "frame B? If the law depends on position or direction in W on purpose, as one "
+                    "with a map does, pass invariant=False"
                 )
         return None
 
@@ -146,6 +147,7 @@ class _ControllerLaws(Laws):
         if hypot(x, y) > 0.05 or abs(yaw) > 0.05:
             return (
                 f"15 s after a step of 0.85 m and 0.5 rad it is {hypot(x, y):.2g} m and "
-                f"{abs(yaw):.2g} rad away, need 0.05 m and 0.05 rad"
+                f"{abs(yaw):.2g} rad away, need 0.05 m and 0.05 rad; if the law does not stop "
+                "at a pose on purpose, as feedforward alone, pass converges=False"
             )
         return None

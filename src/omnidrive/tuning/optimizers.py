@@ -176,7 +176,9 @@ class Nsga2:
 
 def missing_extra() -> MissingExtra:
     """Return the error that the optimisers are not installed."""
-    return MissingExtra("tuning needs the extra tuning: pip install 'omnidrive[tuning]'")
+    return MissingExtra(
+        "tuning needs cmaes and pymoo, which are not installed: pip install cmaes pymoo"
+    )
 
 
 def _finite(value: float) -> float:

@@ -43,7 +43,7 @@ def check_encoder() -> None:
     if which(_COMMAND) is None and find_spec("cv2") is None:
         raise MissingExtra(
             "an MP4 needs an encoder: install the command ffmpeg, or pip install "
-            "'omnidrive[video]'; a film whose name ends in .gif needs neither"
+            "opencv-python-headless; a film whose name ends in .gif needs neither"
         )
 
 

@@ -187,7 +187,7 @@ def test_without_the_package_the_extra_is_named():
     result = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
-    assert "pip install 'omnidrive[ros2]'" in result.stdout
+    assert "pip install 'cyclonedds" in result.stdout
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_other_program_at_the_port():
 
 def test_client_is_not_installed(monkeypatch):
     monkeypatch.setitem(sys.modules, "coppeliasim_zmqremoteapi_client", None)
-    with pytest.raises(MissingExtra, match=r"pip install 'omnidrive\[coppeliasim\]'"):
+    with pytest.raises(MissingExtra, match=r"pip install coppeliasim-zmqremoteapi-client"):
         CoppeliaSimPlant(SMALL)
 
 

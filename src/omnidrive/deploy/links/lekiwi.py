@@ -167,7 +167,7 @@ class LeKiwiLink:
             self._zmq = import_module("zmq")
         except ModuleNotFoundError:
             raise MissingExtra(
-                "a LeKiwi needs pyzmq, which is not installed: pip install 'omnidrive[lekiwi]'"
+                "a LeKiwi needs pyzmq, which is not installed: pip install pyzmq"
             ) from None
         try:
             self._connect()

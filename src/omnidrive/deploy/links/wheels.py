@@ -308,7 +308,7 @@ def _serial_port(name: str, baud: int) -> _Port:
         serial: Any = import_module("serial")
     except ModuleNotFoundError:
         raise MissingExtra(
-            "a serial port needs pyserial, which is not installed: pip install 'omnidrive[wheels]'"
+            "a serial port needs pyserial, which is not installed: pip install pyserial"
         ) from None
     try:
         opened = serial.Serial(name, baud, timeout=0, write_timeout=0, exclusive=True)

@@ -39,7 +39,7 @@ def mcap_module(name: str) -> ModuleType:
     except ModuleNotFoundError:
         raise MissingExtra(
             "the log of a drive needs the package mcap, which is not installed: "
-            "pip install 'omnidrive[mcap]', or drive without a log"
+            "pip install mcap, or drive without a log"
         ) from None
 
 

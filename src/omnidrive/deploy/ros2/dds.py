@@ -30,7 +30,7 @@ def cyclonedds(module: str) -> Any:
         return import_module(f"cyclonedds.{module}")
     except ModuleNotFoundError:
         raise MissingExtra(
-            "ROS 2 needs the extra ros2: pip install 'omnidrive[ros2]' (the package cyclonedds)"
+            "ROS 2 needs the package cyclonedds: pip install 'cyclonedds>=11.0'"
         ) from None
 
 

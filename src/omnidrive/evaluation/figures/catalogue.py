@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -82,12 +82,15 @@ def draw_figure(results: StudyResults, name: str | None = None) -> Figure:
     )
 
 
-def write_figures(results: StudyResults, folder: StrPath) -> Iterator[Path]:
-    """Write every figure as PDF and SVG; equal results give identical files.
+def write_figures(
+    results: StudyResults, folder: StrPath, formats: Sequence[str] = ("svg", "pdf")
+) -> Iterator[Path]:
+    """Write every figure; equal results give identical files.
 
     Args:
         results: Results of the study; figures without runs are omitted.
         folder: Output folder; created if it does not exist.
+        formats: Some of svg, pdf and png.
 
     Yields:
         Path of each file after it is written.
@@ -98,7 +101,7 @@ def write_figures(results: StudyResults, folder: StrPath) -> Iterator[Path]:
     folder = to_path(folder)
     create_folder(folder)
     for name, figure in draw_figures(results):
-        for suffix in ("svg", "pdf"):
+        for suffix in formats:
             path = folder / f"{name}.{suffix}"
             save(figure, path)
             yield path

@@ -95,7 +95,7 @@ class EvidencePage(NamedTuple):
         )  # fmt: skip
         return (
             f'<p class="card warning">{damaged}{part}Go on with '
-            "<code>omnidrive study resume</code>.</p>"
+            f"<code>{escape(self.facts.resume)}</code>.</p>"
         )
 
     def _answer(self) -> str:

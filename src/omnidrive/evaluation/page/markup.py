@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from omnidrive.evaluation.results import StudyResults
 from omnidrive.evaluation.table import Table
-from omnidrive.evaluation.verdict import Verdict, headline, verdicts
+from omnidrive.evaluation.verdict import Verdict, headline, limit_notes, verdicts
 from omnidrive.robot import Robot
 
 
@@ -55,10 +55,11 @@ def verdict_markup(results: StudyResults) -> str:
     if not found:
         return ""
     cards = "\n".join(map(_card, found))
+    lead = " ".join([*headline(found), *limit_notes(results)])
     return (
         '<section class="verdict" aria-labelledby="verdict-title">\n'
         '<h2 id="verdict-title" class="unseen">Verdict</h2>\n'
-        f'<p class="lead">{escape(" ".join(headline(found)))}</p>\n'
+        f'<p class="lead">{escape(lead)}</p>\n'
         f'<ul class="cards">\n{cards}\n</ul>\n</section>'
     )
 

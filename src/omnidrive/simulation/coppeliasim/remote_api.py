@@ -159,7 +159,7 @@ def _import_client() -> ModuleType:
     except ImportError as error:
         raise MissingExtra(
             "plant 'coppeliasim' needs CoppeliaSim's client, which is not installed: "
-            "pip install 'omnidrive[coppeliasim]', or choose plant 'mujoco-rollers'"
+            "pip install coppeliasim-zmqremoteapi-client, or choose plant 'mujoco-rollers'"
         ) from error
 
 

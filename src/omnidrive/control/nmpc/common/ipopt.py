@@ -40,5 +40,5 @@ def casadi() -> ModuleType:
     except ImportError as error:
         raise MissingExtra(
             "solver 'casadi' needs CasADi, which is not installed: "
-            "pip install 'omnidrive[casadi]', or choose solver 'sqp'"
+            "pip install casadi, or choose solver 'sqp'"
         ) from error
