@@ -281,6 +281,25 @@ def test_tables_of_other_programs(tmp_path, caplog, text, notes):
     assert all(note in said for note, said in zip(notes, caplog.messages, strict=True))
 
 
+@pytest.mark.parametrize("axis", ["y", "x"])
+@pytest.mark.parametrize("rotation", [0.0, 1.9, -2.5])
+def test_heading_of_race_lines(tmp_path, caplog, axis, rotation):
+    """TUM's psi = atan2(dy, dx) - pi/2, within (-pi, pi]; other programs count from the x axis."""
+    angle = np.linspace(0.0, 1.5 * np.pi, 61) + rotation  # of a circle, counterclockwise
+    tangent = angle + 0.5 * np.pi
+    psi = tangent - (0.5 * np.pi if axis == "y" else 0.0)
+    psi = np.arctan2(np.sin(psi), np.cos(psi))
+    x, y = 9.0 * np.cos(angle), 9.0 * np.sin(angle)
+    rows = zip(9.0 * angle, x, y, psi, strict=True)
+    text = "# 5f3a\n# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n"
+    text += "".join(f"{s:.7f}; {x:.7f}; {y:.7f}; {p:.7f}; 0.11; 5; 0\n" for s, x, y, p in rows)
+    (tmp_path / "traj_race_cl.csv").write_text(text)
+    yaw = load_waypoints(tmp_path / "traj_race_cl.csv").poses[:, 2]
+    assert np.cos(yaw - tangent) == pytest.approx(np.ones(61))
+    assert np.abs(np.diff(yaw)).max() < 0.1
+    assert any("counts from the y axis" in each for each in caplog.messages) == (axis == "y")
+
+
 @pytest.mark.parametrize(
     "text",
     [
