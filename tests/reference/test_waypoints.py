@@ -255,6 +255,7 @@ ROW = [[1.0, 2.0, 0.5], [2.0, 3.0, 1.0]]
         ("Unnamed: 0,x,y,yaw\n0,1,2,0.5\n1,2,3,1\n", []),
         ('x,y,yaw,speed,name\n1,2,0.5,1,"a, b"\n2,3,1,1,\n', ["not used: speed, name"]),
         ("x;y;yaw\r\n1;2;0,5\r\n2;3;1\r\n", []),
+        ("x;y;yaw;note\n1;2;0,5;\n2;3;1;1.2.2026, by night\n", ["not used: note"]),
         ('\ufeff"x"\t"y"\t"yaw"\n1\t2\t0,5\n2\t3\t1\n', []),
         ("  x   y yaw\n 1  2   0.5\n 2  3  1\n", []),
         ("# by night\n# x; y; yaw\n1; 2; 0.5\n2; 3; 1\n", []),
@@ -298,6 +299,13 @@ def test_heading_of_race_lines(tmp_path, caplog, axis, rotation):
     assert np.cos(yaw - tangent) == pytest.approx(np.ones(61))
     assert np.abs(np.diff(yaw)).max() < 0.1
     assert any("counts from the y axis" in each for each in caplog.messages) == (axis == "y")
+
+
+def test_decimal_sign_is_that_of_the_first_number_with_one(tmp_path):
+    """Spreadsheets write whole numbers without it."""
+    (tmp_path / "a.csv").write_text("x;y;yaw\n0;0;0\n1;2;0\n2,5;2;1\n")
+    poses = load_waypoints(tmp_path / "a.csv").poses
+    assert poses == pytest.approx(np.array([[0, 0, 0], [1, 2, 0], [2.5, 2, 1]]))
 
 
 @pytest.mark.parametrize(
