@@ -269,12 +269,28 @@ def test_eval_sugeno_system_with_type_2_inputs(fuzzy):
         "\ufeffservice,food\r\n\r\n1,2\r\n 3.5 ,+4\r\n\r\n",
         'food,"service",note\n2,1,"a, b"\n"4","3.5",\n',
         "service , food\n1.,2\n3.5e0,.4E1",
+        "service;food\n1;2\n\n3,5;4,0\n",
+        "\ufeff# service\tfood\r\n1\t2\r\n3.5\t4\r\n",
+        "# by night\n# service; food; note\n1; 2; \n# a comment\n3,5; 4; \n",
+        " food   service\n 2  1\n 4  3.5\n",
+        ",service,food\n0,1,2\n1,3.5,4\n",
+        '"Unnamed: 0";"service";"food"\n"0";"1";"2"\n"1";"3,5";"4"\n',
     ],
 )
 def test_eval_reads_csv_variants(fuzzy, text):
     write(text)
     assert fuzzy("eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv")[0] == 0
     assert (table("out.csv") == Inference(TIPPER).batch(np.array([[1, 2], [3.5, 4]]))[0]).all()
+
+
+def test_eval_notes_no_index_and_reads_comments_in_any_block(fuzzy, monkeypatch):
+    monkeypatch.setattr("omnidrive.fuzzy.csv_rows._BLOCK", 1000)
+    rows = np.column_stack([np.linspace(0, 10, 999), np.linspace(10, 0, 999)])
+    lines = [f"{i};{a!r};{b!r}".replace(".", ",") for i, (a, b) in enumerate(rows.tolist())]
+    write("\n".join([";service;food", *lines[:500], "# comment", *lines[500:]]))
+    status, _, err = fuzzy("eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv")
+    assert (status, err) == (0, "")
+    assert (table("out.csv") == Inference(TIPPER).batch(rows)[0]).all()
 
 
 def test_eval_without_rows_writes_header(fuzzy):
@@ -290,7 +306,11 @@ def test_eval_without_rows_writes_header(fuzzy):
         ("", "line 1: expected the columns service, food, got an empty line"),
         ("service\n1\n", "line 1: there is no column 'food'"),
         ("service,foot\n1,2\n", "there is no column 'food'; did you mean 'foot'?"),
-        ("service;food\n1;2\n", "the separator must be a comma, not ';'"),
+        ("# service\nfoot;food\n1;2\n", "line 2: there is no column 'service'"),
+        ("1,2\n3,4\n", "line 1: expected the columns service, food, got numbers"),
+        ("service;food\n1;2.5.1\n", "column 'food': expected a finite number, got '2.5.1'"),
+        ("service;food\n1,5;2\n1,5;two\n", "line 3, column 'food': expected a finite number"),
+        ('"service,food\n1,2\n', "the titles: unexpected end of data"),
         ("food,service,food\n1,2,3\n", "line 1: the column 'food' appears twice"),
         ("service,food\n1,2\n\n3\n", "line 4: expected 2 values, as in line 1, got 1"),
         ("service,food\n1,2\n1,2,3\n", "line 3: expected 2 values, as in line 1, got 3"),
@@ -303,11 +323,11 @@ def test_eval_without_rows_writes_header(fuzzy):
         ("service,food\nnan,1\n", "line 2, column 'service': expected a finite number, got 'nan'"),
         ("service,food\n1,1e999\n", "expected a finite number, got '1e999'"),
         ("service,food\n1,__import__('os')\n", "expected a finite number"),
-        ('service,food\n1,"2\n3"\n', "line 2: is not comma-separated values"),
+        ('service,food\n1,"2\n3"\n', "line 2: unexpected end of data"),
         ("service,food\n1,2\n1,\0\n", "line 3: expected text, got a NUL character"),
-        ("service,food\n1,2\r3,4\n", "line 2: is not comma-separated values"),
+        ("service,food\n1,2\r3,4\n", "line 2: expected 2 values, as in line 1, got 3"),
         ("x" * 2_000_000, "line 1 is longer than 1000000 bytes"),
-        ("service,food\n1," + "1" * 2_000_000, "line 2: is not comma-separated values"),
+        ("service,food\n1," + "1" * 2_000_000, "line 2 is longer than 1000000 bytes"),
     ],
 )
 def test_invalid_table_error_names_position_and_writes_nothing(fuzzy, text, message):

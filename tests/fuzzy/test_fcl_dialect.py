@@ -1,14 +1,15 @@
 """The fuzzy control language as IEC 61131-7 and the examples of jFuzzyLogic write it."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 
-from omnidrive.errors import InvalidFuzzyFile
-from omnidrive.fuzzy import Inference
+from omnidrive.cli.main import load_verb
+from omnidrive.errors import InvalidFuzzyFile, InvalidInput
+from omnidrive.fuzzy import Inference, UnreadBlockWarning, load
 from omnidrive.fuzzy.files.fcl import read_fcl, write_fcl
-from omnidrive.fuzzy.files.fcl.semantics import UnreadBlockWarning
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rules import And, Is, Or
 from omnidrive.fuzzy.variables import LinearFunction
@@ -212,8 +213,32 @@ def test_several_blocks():
         UnreadBlockWarning, match="only the first FUNCTION_BLOCK, 'fn', is read, not"
     ):
         assert read_fcl(LINEAR + other) == read_fcl(LINEAR)
+    assert read_fcl(LINEAR + other, "other").name == "other"
+    there = "no FUNCTION_BLOCK 'third'; there are 'fn', 'other'"
+    with pytest.raises(InvalidFuzzyFile, match=there):
+        read_fcl(LINEAR + other, "third")
     with pytest.raises(InvalidFuzzyFile, match="expected END_FUNCTION_BLOCK"):
         read_fcl(LINEAR + other.replace("END_FUNCTION_BLOCK", ""))
+
+
+def test_block_of_a_file(tmp_path, capsys, recwarn):
+    file = tmp_path / "two.fcl"
+    file.write_text(LINEAR + LINEAR.replace("BLOCK fn", "BLOCK other"))
+    assert load(file, "other").name == "other"
+    assert not [each for each in recwarn if each.category is UnreadBlockWarning]
+    with pytest.warns(UnreadBlockWarning, match=r"two\.fcl: only the first .* 'fn'.* not 'other'"):
+        load(file)
+    load_verb("fuzzy")(["show", str(file)], standalone_mode=False)
+    out, err = capsys.readouterr()
+    assert "fn" in out
+    assert len(re.findall("two.fcl: only the first FUNCTION_BLOCK", " ".join(err.split()))) == 1
+    load_verb("fuzzy")(["show", str(file), "--block", "other"], standalone_mode=False)
+    out, err = capsys.readouterr()
+    assert "other" in out
+    assert "FUNCTION_BLOCK" not in err
+    (tmp_path / "one.fis").write_text("")
+    with pytest.raises(InvalidInput, match=r"only \.fcl files have blocks"):
+        load(tmp_path / "one.fis", "other")
 
 
 def test_variables_in_points():

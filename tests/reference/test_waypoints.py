@@ -255,6 +255,7 @@ ROW = [[1.0, 2.0, 0.5], [2.0, 3.0, 1.0]]
         ("Unnamed: 0,x,y,yaw\n0,1,2,0.5\n1,2,3,1\n", []),
         ('x,y,yaw,speed,name\n1,2,0.5,1,"a, b"\n2,3,1,1,\n', ["not used: speed, name"]),
         ("x;y;yaw\r\n1;2;0,5\r\n2;3;1\r\n", []),
+        ("x;y;yaw;note\n1;2;0,5;\n2;3;1;1.2.2026, by night\n", ["not used: note"]),
         ('\ufeff"x"\t"y"\t"yaw"\n1\t2\t0,5\n2\t3\t1\n', []),
         ("  x   y yaw\n 1  2   0.5\n 2  3  1\n", []),
         ("# by night\n# x; y; yaw\n1; 2; 0.5\n2; 3; 1\n", []),
@@ -279,6 +280,32 @@ def test_tables_of_other_programs(tmp_path, caplog, text, notes):
     assert path.poses == pytest.approx(np.array(ROW))
     assert len(caplog.messages) == len(notes)
     assert all(note in said for note, said in zip(notes, caplog.messages, strict=True))
+
+
+@pytest.mark.parametrize("axis", ["y", "x"])
+@pytest.mark.parametrize("rotation", [0.0, 1.9, -2.5])
+def test_heading_of_race_lines(tmp_path, caplog, axis, rotation):
+    """TUM's psi = atan2(dy, dx) - pi/2, within (-pi, pi]; other programs count from the x axis."""
+    angle = np.linspace(0.0, 1.5 * np.pi, 61) + rotation  # of a circle, counterclockwise
+    tangent = angle + 0.5 * np.pi
+    psi = tangent - (0.5 * np.pi if axis == "y" else 0.0)
+    psi = np.arctan2(np.sin(psi), np.cos(psi))
+    x, y = 9.0 * np.cos(angle), 9.0 * np.sin(angle)
+    rows = zip(9.0 * angle, x, y, psi, strict=True)
+    text = "# 5f3a\n# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n"
+    text += "".join(f"{s:.7f}; {x:.7f}; {y:.7f}; {p:.7f}; 0.11; 5; 0\n" for s, x, y, p in rows)
+    (tmp_path / "traj_race_cl.csv").write_text(text)
+    yaw = load_waypoints(tmp_path / "traj_race_cl.csv").poses[:, 2]
+    assert np.cos(yaw - tangent) == pytest.approx(np.ones(61))
+    assert np.abs(np.diff(yaw)).max() < 0.1
+    assert any("counts from the y axis" in each for each in caplog.messages) == (axis == "y")
+
+
+def test_decimal_sign_is_that_of_the_first_number_with_one(tmp_path):
+    """Spreadsheets write whole numbers without it."""
+    (tmp_path / "a.csv").write_text("x;y;yaw\n0;0;0\n1;2;0\n2,5;2;1\n")
+    poses = load_waypoints(tmp_path / "a.csv").poses
+    assert poses == pytest.approx(np.array([[0, 0, 0], [1, 2, 0], [2.5, 2, 1]]))
 
 
 @pytest.mark.parametrize(

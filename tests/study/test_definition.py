@@ -102,6 +102,72 @@ def test_all_problems_of_fixed_settings_are_named_at_once():
         assert fact in text
 
 
+BASE = {
+    "robot": "paper",
+    "plant": "planar",
+    "controllers": ["feedforward"],
+    "tasks": {"track": {"durations": [20]}},
+}
+CIRCLE, EIGHT = {"type": "circle", "radius": 2.0}, "eight"
+
+
+@pytest.mark.parametrize(
+    "axes",
+    [
+        {"reference": [CIRCLE, EIGHT]},
+        {"reference": {"named": {"circle": CIRCLE, "eight": EIGHT}}},
+        {"motion": {"cases": {"circle": {"reference": CIRCLE}, "eight": {"reference": EIGHT}}}},
+    ],
+)
+def test_reference_that_varies_needs_none_in_the_base(axes):
+    plan = RunPlan(study(scenario=BASE, axes=axes))
+    assert [run.scenario.reference.type for run in plan] == ["circle", "eight"]
+    assert plan[0].scenario.reference.values["radius"] == 2.0
+    (name,) = axes
+    assert [run.factors[name] for run in plan] == ["circle", "eight"]
+    again = parse_definition(definition_data(study(scenario=BASE, axes=axes)), "study.yaml")
+    assert [run.key for run in RunPlan(again)] == [run.key for run in plan]
+
+
+@pytest.mark.parametrize("scenario", [BASE, {**BASE, "reference": CIRCLE}, "paper"])
+def test_type_of_the_reference_varies_with_the_defaults_of_each(scenario):
+    axes = {"reference.type": ["circle", "slalom"]}
+    plan = RunPlan(study(scenario=scenario, axes=axes, set={"controllers": ["feedforward"]}))
+    references = [run.scenario.reference for run in plan if run.job.task == "track"]
+    assert [each.type for each in references[:: len(references) // 2]] == ["circle", "slalom"]
+    radius = 2.0 if "reference" in scenario else 1.0
+    assert references[0].values["radius"] == radius
+    assert "radius" not in references[-1].values
+
+
+def test_planned_path_and_a_shape_are_types_of_the_reference():
+    axes = {"reference.type": ["path", "circle"], "sample_time": [0.1]}
+    plan = RunPlan(study(axes=axes, set={"controllers": ["feedforward"]}))
+    assert plan[0].scenario.reference == "path"
+    assert plan[len(plan) - 1].scenario.reference.type == "circle"
+
+
+def test_other_sections_that_vary_need_none_in_the_base_either():
+    path = {"map": {"source": "paper", "margin": 0.0}, "start": [1, 1, 0]}
+    plan = RunPlan(study(scenario={**BASE, **path}, axes={"goal": [[8, 6], [5, 6]]}))
+    assert [run.scenario.goal[:2] for run in plan] == [(8.0, 6.0), (5.0, 6.0)]
+    assert study(scenario=BASE, set={"reference": "circle"}).scenario.reference.type == "circle"
+
+
+@pytest.mark.parametrize(
+    ("axes", "fact"),
+    [
+        ({"reference": []}, "map, start, goal missing"),
+        ({"reference": ["circel"]}, "did you mean 'circle'"),
+        ({"reference": {"cases": {"a": 3}}}, "map, start, goal missing"),
+        ({"reference": {"named": 3}}, "map, start, goal missing"),
+        ({"reference.radius": [1, 2]}, "map, start, goal missing"),
+    ],
+)
+def test_reference_that_varies_wrongly_is_reported(axes, fact):
+    assert fact in problems(scenario=BASE, axes=axes)
+
+
 def test_cases_set_several_settings_together():
     cases = {"near": {"goal": [5, 6], "sample_time": 0.05}, "far": {"goal": [8, 6]}}
     plan = RunPlan(study(axes={"route": {"cases": cases}}, set={"controllers": ["pid"]}))

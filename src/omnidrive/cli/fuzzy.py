@@ -27,6 +27,9 @@ Type2Option = Annotated[
         "--type2",
     ),
 ]
+BlockOption = Annotated[
+    str | None, option("NAME", "FUNCTION_BLOCK of an .fcl file [default: the first].")
+]
 InOption = Annotated[
     Path,
     option(
@@ -97,6 +100,7 @@ def show(
         ),
     ] = None,
     type2: Type2Option = None,
+    block: BlockOption = None,
     out: Annotated[
         Path | None,
         option(
@@ -116,7 +120,7 @@ def show(
     """
     from omnidrive.cli.fuzzy_actions import show_system
 
-    show_system(file, inputs, type2, out, json=json)
+    show_system(file, inputs, type2, out, block=block, json=json)
 
 
 @fuzzy.command()
@@ -126,6 +130,7 @@ def convert(
         Path, typer.Argument(metavar="OUT", help="File to write; its suffix selects the format.")
     ],
     type2: Type2Option = None,
+    block: BlockOption = None,
     force: ForceOption = False,
 ) -> None:
     """Convert a system to another format without loss; unsupported parts are an error.
@@ -137,7 +142,7 @@ def convert(
     """
     from omnidrive.cli.fuzzy_actions import convert_system
 
-    convert_system(file, out, type2, force)
+    convert_system(file, out, type2, block, force)
 
 
 @fuzzy.command(name="eval")
@@ -148,6 +153,7 @@ def evaluate(
     centroid: CentroidOption = None,
     samples: SamplesOption = None,
     type2: Type2Option = None,
+    block: BlockOption = None,
     reduction: ReductionOption = "centroid",
     algorithm: AlgorithmOption = None,
     out_of_range: OutOfRangeOption = "clamp",
@@ -175,4 +181,6 @@ def evaluate(
         out_of_range=out_of_range,
         no_rule=no_rule,
     )
-    evaluate_table(file, type2, source, target, samples, choices, threads=threads, force=force)
+    evaluate_table(
+        file, type2, source, target, samples, choices, block=block, threads=threads, force=force
+    )

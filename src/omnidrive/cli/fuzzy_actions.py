@@ -44,12 +44,18 @@ from omnidrive.study import check_new_file, check_new_folder
 
 
 def show_system(
-    file: Path, inputs: str | None, type2: str | None, out: Path | None, *, json: bool
+    file: Path,
+    inputs: str | None,
+    type2: str | None,
+    out: Path | None,
+    *,
+    block: str | None,
+    json: bool,
 ) -> None:
     """Print a system, its outputs for the inputs if they are given, and draw it into a folder."""
     if out is not None:
         check_new_folder(out)
-    system = _load(file, type2)
+    system = _load(file, type2, block)
     inference = Inference(system)
     given = None if inputs is None else _parse_inputs(inputs, system)
     if given is not None:
@@ -109,9 +115,11 @@ def _record(inference: Inference, given: list[float] | None) -> dict[str, Any]:
     }
 
 
-def convert_system(file: Path, out: Path, type2: str | None, force: bool) -> None:
+def convert_system(
+    file: Path, out: Path, type2: str | None, block: str | None, force: bool
+) -> None:
     """Write a system in the format of the suffix of ``out``."""
-    system = _load(file, type2)
+    system = _load(file, type2, block)
     check_new_file(out, force=force)
     save(system, out)
     conclude(f"written to {out}")
@@ -145,11 +153,12 @@ def evaluate_table(
     samples: int | None,
     choices: dict[str, Any],
     *,
+    block: str | None,
     threads: int | None,
     force: bool,
 ) -> None:
     """Evaluate a system for every row of a table; see :func:`parse_choices`."""
-    system = _load(file, type2)
+    system = _load(file, type2, block)
     if "algorithm" in choices and system.type == 1:
         raise InvalidInput("--algorithm applies to type-2 systems, and this system is of type 1")
     inference = Inference(system, samples=101 if samples is None else samples, **choices)
@@ -168,12 +177,12 @@ def _choice(option: str, value: str, names: Any) -> Any:
     return choose_one(option, value, get_args(names))
 
 
-def _load(file: Path, type2: str | None) -> FuzzySystem:
+def _load(file: Path, type2: str | None, block: str | None) -> FuzzySystem:
     """Load a system, convert it to type 2 if ``type2`` is given, and print warnings."""
     footprint = None if type2 is None else _parse_footprint(type2)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        system = load(file)
+        system = load(file, block)
     for each in caught:
         warn(str(each.message))
     if footprint is None:

@@ -80,7 +80,7 @@ def drive(
         option("NAME[,KEY=VALUE...]", "Controller.", None, complete=component("controllers")),
     ] = None,
     rate: Annotated[float | None, option("HZ", "Rate of the loop, Hz.")] = None,
-    speed: Annotated[float | None, option("M/S", "Limit of the speed along paths.")] = None,
+    max_speed: Annotated[float | None, option("M/S", "Largest speed of the motion, m/s.")] = None,
     world_frame: Annotated[str | None, option("NAME", "Frame of paths and goals.")] = None,
     base_frame: Annotated[str | None, option("NAME", "Frame of the robot.")] = None,
     cmd_vel: Annotated[str | None, option("TOPIC", "Topic of commands.")] = None,
@@ -117,9 +117,9 @@ def drive(
     options = node_options(domain, peers, distribution)
     settings = _drive_settings(
         params, node_name, allow_code,
-        robot=robot, controller=controller, rate=rate, speed=speed, world_frame=world_frame,
-        base_frame=base_frame, cmd_vel=cmd_vel, odom=odom, plan=plan, initial_pose=initial_pose,
-        use_sim_time=use_sim_time,
+        robot=robot, controller=controller, rate=rate, max_speed=max_speed,
+        world_frame=world_frame, base_frame=base_frame, cmd_vel=cmd_vel, odom=odom, plan=plan,
+        initial_pose=initial_pose, use_sim_time=use_sim_time,
     )  # fmt: skip
     if serve and reference is not None:
         raise InvalidInput("--serve follows the paths of its goals: leave out --reference")
@@ -199,12 +199,12 @@ def _drive(
             pipeline,
             settings.rate,
             DriveRequests(node, settings.stop),
-            speed=settings.speed,
+            speed=settings.max_speed,
             margin=settings.margin,
             logs=logs,
         )
         if reference is not None:
-            motion = _motion(reference, made, follower.current_pose())
+            motion = _motion(reference, made, follower.current_pose(), settings.max_speed)
             return _conclude(follower.drive(motion))
         if serve:
             show(f"serving follow_path; the lifecycle of {node.full_name} is unconfigured")
@@ -214,18 +214,19 @@ def _drive(
         return all([_conclude(each) for each in plans.run(drives)])
 
 
-def _motion(text: str, robot: Robot, start: Pose) -> Reference:
+def _motion(text: str, robot: Robot, start: Pose, max_speed: float | None) -> Reference:
     """Return the motion of an option: a waypoint file, or a shape from the robot's pose on."""
     from omnidrive.cli.components import reference_data
     from omnidrive.components import configure
+    from omnidrive.reference import slowed_to
     from omnidrive.reference.components import ReferenceContext
 
     data = reference_data(text)
     values = {key: value for key, value in data.items() if key != "type"}
     motion: Reference = configure("references", data["type"], values).make(
-        ReferenceContext(robot, start)
+        ReferenceContext(robot, start, max_speed)
     )
-    return motion
+    return slowed_to(motion, max_speed)
 
 
 def _conclude(result: DriveResult) -> bool:

@@ -1,4 +1,4 @@
-"""Options that several verbs share, and the scenario that they define."""
+"""Scenario that the options which several verbs share define."""
 
 from __future__ import annotations
 
@@ -8,33 +8,14 @@ from dataclasses import dataclass, fields
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_type_hints
-
-import typer
+from typing import Any, get_args, get_type_hints
 
 from omnidrive import study
-from omnidrive.choices import (
-    WAYPOINTS,
-    Heading,
-    MethodName,
-    PresetName,
-    SmoothingName,
-    TimingName,
-    Unknown,
-)
-from omnidrive.cli.completion import component, paper_or_file
+from omnidrive.choices import WAYPOINTS, PresetName
 from omnidrive.cli.components import plant_data, reference_data
 from omnidrive.cli.input_kind import check_map_name, input_kind
-from omnidrive.cli.options import (
-    PATH_PANEL,
-    RUN_PANEL,
-    choice,
-    choose_one,
-    flag,
-    option,
-    parse_waypoint,
-)
-from omnidrive.components import component_names
+from omnidrive.cli.option_fields import OptionFields
+from omnidrive.cli.options import choose_one, parse_waypoint
 from omnidrive.errors import InvalidInput
 
 _PATH_OPTIONS = ("goal", "search", "cut_corners", "smooth", "timing", "heading")
@@ -42,157 +23,14 @@ _PATH_OPTIONS = ("goal", "search", "cut_corners", "smooth", "timing", "heading")
 _KEYS = {
     "search": "path.search", "cut_corners": "path.cut_corners", "smooth": "path.smooth",
     "timing": "timing.law", "heading": "timing.heading", "margin": "map.margin",
-    "unknown": "map.unknown", "resolution": "map.resolution",
+    "unknown": "map.unknown", "resolution": "map.resolution", "max_speed": "timing.max_speed",
 }  # fmt: skip
 """Scenario key of each option that sets a single key."""
 
 
 @dataclass(frozen=True, slots=True)
-class ScenarioOptions:
-    """Values of the shared options, one field per option; None: option not given."""
-
-    scenario: Annotated[
-        str,
-        typer.Argument(
-            help="`paper`, a scenario file (.yaml), the folder of a scenario, or a map file: Nav2 "
-            "(.yaml), MovingAI (.map), NumPy (.npy) or text (.txt), or a waypoint file: .csv, "
-            ".path (PathPlanner), .traj (Choreo) or .yaml (ROS nav_msgs/Path).",
-            autocompletion=paper_or_file,
-        ),
-    ] = "paper"
-    map: Annotated[
-        Path | None, option("FILE|NAME", "Map file, or name of an installed map.", PATH_PANEL)
-    ] = None
-    reference: Annotated[
-        str | None,
-        option(
-            "NAME[,KEY=VALUE...]|FILE",
-            "Motion instead of a planned path: circle, eight, square, raised-cosine, slalom, "
-            "random-smooth, a waypoint file, or your own as FILE.py:NAME; without a map on an open "
-            "floor.",
-            PATH_PANEL,
-            complete=component("references"),
-        ),
-    ] = None
-    start: Annotated[str | None, option("X,Y[,HEADING]", "Start, m, m, rad.", PATH_PANEL)] = None
-    goal: Annotated[str | None, option("X,Y[,HEADING]", "Goal, m, m, rad.", PATH_PANEL)] = None
-    duration: Annotated[
-        float | None,
-        option(
-            "S",
-            "Duration of the path, s; the task `track` has a second one, 1.5 times as long.",
-            PATH_PANEL,
-        ),
-    ] = None
-    speed: Annotated[
-        float | None,
-        option(
-            "M/S",
-            "Mean speed, m/s, instead of a duration. Without both, on a map: 0.5, or the highest "
-            "possible if that is lower; `plan` takes the shortest duration.",
-            PATH_PANEL,
-        ),
-    ] = None
-    margin: Annotated[
-        float | None, option("M", "Clearance between robot and obstacles, m.", PATH_PANEL)
-    ] = None
-    unknown: Annotated[
-        str | None, choice(get_args(Unknown), "Treatment of unknown cells.", PATH_PANEL)
-    ] = None
-    resolution: Annotated[
-        float | None,
-        option("M", "Cell size, m, if the map file does not define it [default: 1].", PATH_PANEL),
-    ] = None
-    robot: Annotated[
-        str | None,
-        option(
-            "NAME|FILE",
-            f"Robot: {', '.join(component_names('robots'))}, or a robot file (.yaml).",
-            RUN_PANEL,
-            complete=component("robots"),
-        ),
-    ] = None
-    plant: Annotated[
-        str | None,
-        option(
-            "NAME[,KEY=VALUE...]",
-            "Simulated plant: mujoco-rollers; mujoco-balls; planar, a rigid body with wheel "
-            "friction; kinematic; coppeliasim, a running CoppeliaSim; or your own as FILE.py:NAME.",
-            RUN_PANEL,
-            complete=component("plants"),
-        ),
-    ] = None
-    preset: Annotated[
-        str | None,
-        choice(
-            get_args(PresetName),
-            "Parameters of PID, fuzzy PIDs and unicycle NMPC: from the text of the paper, from its "
-            "published code (including the error in its wheel matrix), or recommended values.",
-            RUN_PANEL,
-        ),
-    ] = None
-    search: Annotated[
-        str | None,
-        choice(
-            get_args(MethodName),
-            "Grid search: shortest path (astar; jump-point, faster on open or narrow maps), "
-            "any-angle path (lazy-theta), or greedy best-first as in the paper.",
-            PATH_PANEL,
-        ),
-    ] = None
-    cut_corners: Annotated[
-        bool | None,
-        flag(
-            "Whether diagonal moves may cut the corners of obstacles, as in the paper.",
-            PATH_PANEL,
-            "--cut-corners/--no-cut-corners",
-        ),
-    ] = None
-    smooth: Annotated[
-        str | None,
-        choice(
-            get_args(SmoothingName),
-            "Smoothing with certified clearance, or without checks as in the paper.",
-            PATH_PANEL,
-        ),
-    ] = None
-    timing: Annotated[
-        str | None,
-        choice(
-            get_args(TimingName),
-            "Timing: uniform as in the paper; from rest to rest within the wheel limits; or a "
-            "minimum-time trajectory, which also changes path and heading.",
-            PATH_PANEL,
-        ),
-    ] = None
-    heading: Annotated[
-        str | None,
-        choice(
-            get_args(Heading),
-            "Heading of the robot, with the timing `limits`; tangent or fixed also for a waypoint "
-            "table without headings.",
-            PATH_PANEL,
-        ),
-    ] = None
-    estimator: Annotated[
-        bool | None,
-        flag(
-            "Whether the controllers receive the pose estimated from wheel encoders, a gyro and a "
-            "measured pose, or, as in the paper, the measured pose.",
-            RUN_PANEL,
-            "--estimator/--no-estimator",
-        ),
-    ] = None
-    seed: Annotated[int | None, option("N", "Seed of the noise.", RUN_PANEL)] = None
-    allow_code: Annotated[
-        bool,
-        flag(
-            "Import code that the scenario file names, such as mine.py:MyController; only for "
-            "files that you trust.",
-            RUN_PANEL,
-            "--allow-code",
-        ),
-    ] = False
+class ScenarioOptions(OptionFields):
+    """Values of the shared options, and the scenario that they define."""
 
     @property
     def map_file(self) -> Path | None:
@@ -292,8 +130,8 @@ class ScenarioOptions:
         self._check_path_options(scenario)
         given = self.duration is not None or self.speed is not None
         if retimed and (on_map or given or scenario.reference != present):
-            scenario = study.retime(scenario, duration=self.duration, speed=self.speed)
-        return scenario
+            return study.retime(scenario, duration=self.duration, speed=self.speed)
+        return study.lengthen(scenario) if retimed and self.max_speed is not None else scenario
 
     def _check_path_options(self, scenario: study.Scenario) -> None:
         """Raise InvalidInput if an option has no effect on the scenario's reference."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
+from itertools import islice
 from typing import NamedTuple
 
 from omnidrive.files.number_text import parse_number
@@ -14,6 +15,7 @@ COMMENT = "#"
 
 _SEPARATORS = (";", "\t", ",")
 _INDEX = re.compile(r"(Unnamed: *\d+)?")  # titles that pandas writes for or gives to an index
+_DECIMAL_ROWS = 1000  # in which a decimal sign is looked for
 _QUOTED = re.compile(r'"[^"]*"')
 
 
@@ -50,10 +52,11 @@ def table_format(lines: Sequence[str]) -> TableFormat:
     The separator is the semicolon, tab or comma, in this order, that the first line besides
     comments contains, and otherwise blanks. If that line consists of numbers, the titles are those
     of the last comment before it with as many cells, else there are none. Otherwise its cells are
-    the titles; a table without rows may have them in a comment.
+    the titles; a table without rows may have them in a comment. The decimal sign is that of the
+    first number with one.
 
     Args:
-        lines: Lines of the file, at least up to the second row.
+        lines: Lines of the file, at least up to the second row and to a number with a decimal sign.
 
     Raises:
         ValueError: A quote is not closed.
@@ -67,11 +70,12 @@ def table_format(lines: Sequence[str]) -> TableFormat:
             separator = table_separator(line)
             cells = split_cells(line, separator)
             if not _is_row(cells, separator):
-                rows = (each for each in lines[number:] if _has_cells(each))
-                decimal = _decimal(next(rows, ""), separator)
+                decimal = _decimal(lines[number:], separator)
                 return TableFormat(separator, decimal, tuple(cells), number, number + 1)
             at, titles = _titles(comments, len(cells))
-            return TableFormat(separator, _decimal(line, separator), titles, at, number)
+            return TableFormat(
+                separator, _decimal(lines[number - 1 :], separator), titles, at, number
+            )
     return TableFormat(",", ".", (), 0, len(lines) + 1)
 
 
@@ -105,8 +109,16 @@ def table_separator(line: str) -> str:
     return found or (" " if len(plain.split()) > 1 else ",")
 
 
-def _decimal(line: str, separator: str) -> str:
-    return "," if separator != "," and "," in line else "."
+def _decimal(lines: Sequence[str], separator: str) -> str:
+    """Return the sign in the first number that has one; a point if none has."""
+    if separator == ",":
+        return "."
+    for line in islice(filter(_has_cells, lines), _DECIMAL_ROWS):
+        for cell in line.replace('"', "").split(None if separator == " " else separator):
+            sign = next((each for each in ",." if each in cell), None)
+            if sign and parse_number(cell.replace(",", ".")) is not None:
+                return sign
+    return "."
 
 
 def _is_row(cells: list[str], separator: str) -> bool:

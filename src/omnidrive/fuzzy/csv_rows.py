@@ -1,12 +1,13 @@
-"""Evaluation of CSV files of inputs, in blocks of rows of bounded memory."""
+"""Evaluation of tables of inputs, in blocks of rows of bounded memory."""
 
 from __future__ import annotations
 
-import csv
 import re
+from codecs import BOM_UTF8
 from collections.abc import Generator, Iterator
 from contextlib import closing
 from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import IO, NamedTuple
 
@@ -18,7 +19,7 @@ from pyarrow import csv as arrow
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, one_line, short_repr, suggestion
 from omnidrive.files.bounded_file import open_file
-from omnidrive.files.number_text import parse_number
+from omnidrive.files.number_table import COMMENT, TableFormat, is_index, table_format
 from omnidrive.files.output_file import output_file
 from omnidrive.fuzzy.inference import Inference
 
@@ -26,6 +27,7 @@ MAX_LINE = 1_000_000
 """Maximum number of bytes of a line."""
 
 _BLOCK = 8_000_000  # bytes read at once
+_MAX_HEAD = 1000  # lines, from the first on, that contain the titles and two rows
 
 
 class EvaluatedTable(NamedTuple):
@@ -48,16 +50,17 @@ class _Block(NamedTuple):
 def evaluate_csv(
     inference: Inference, source: Path, target: Path, *, threads: int = 1
 ) -> EvaluatedTable:
-    """Evaluate a system for every row of a CSV file and write the outputs to another.
+    """Evaluate a system for every row of a table and write the outputs to a CSV file.
 
-    The columns of ``source`` have the names of the inputs, in any order; other columns and empty
-    lines are ignored. The columns of ``target`` are the outputs, each followed by NAME_lower and
-    NAME_upper in a system of type 2 or 3. Every number is written with the digits that are needed
-    to read the same number.
+    The columns of ``source`` have the names of the inputs, in any order; other columns, comments
+    and empty lines are ignored. Its first lines determine separator, decimal sign and titles, see
+    :mod:`omnidrive.files.number_table`. The columns of ``target`` are the outputs, each followed by
+    NAME_lower and NAME_upper in a system of type 2 or 3. Every number is written with the digits
+    that are needed to read the same number.
 
     Args:
         inference: The compiled system.
-        source: Comma-separated file in UTF-8 with one header line.
+        source: Table in UTF-8 with titles.
         target: File to write; it is replaced only when all rows are written.
         threads: Number of threads; does not change the results.
 
@@ -68,13 +71,14 @@ def evaluate_csv(
     """
     rows = 0
     with closing(_blocks(source)) as blocks:
-        head = next(blocks)
         try:
-            columns, unused = _columns(head, inference)
+            first = next(blocks, _Block(1, b""))
+            columns, unused = _columns(first, inference)
+            rest = _Block(columns.form.first_row, _without(first.data, columns.form.first_row - 1))
             header = _header(inference)
             with output_file(target) as part, part.open("wb") as out:
                 out.write(header)
-                for block in blocks:
+                for block in chain([rest] if rest.data else [], blocks):
                     inputs = _inputs(block, columns)
                     _write_rows(out, _evaluate(inference, inputs, block, threads), inference)
                     rows += len(inputs)
@@ -90,13 +94,14 @@ class _Columns(NamedTuple):
     """Names of all columns of the file."""
     inputs: tuple[int, ...]
     """Index of the column of each input."""
+    form: TableFormat
+    """Separator, decimal sign and first lines."""
 
 
 def _blocks(source: Path) -> Generator[_Block, None, None]:
-    """Yield the header line, cut after :data:`MAX_LINE` bytes, then blocks of lines."""
+    """Yield blocks of lines."""
     with open_file(source, "inputs", InvalidInput) as stream:
-        yield _Block(1, stream.readline(MAX_LINE + 1))
-        number = 2
+        number = 1
         while data := stream.read(_BLOCK):
             rest = stream.readline(MAX_LINE + 1)
             if len(rest) > MAX_LINE:
@@ -110,44 +115,55 @@ def _blocks(source: Path) -> Generator[_Block, None, None]:
             number += data.count(b"\n")
 
 
+def _without(data: bytes, lines: int) -> bytes:
+    """Return the data without its first lines."""
+    for _ in range(lines):
+        data = data[data.find(b"\n") + 1 :] if b"\n" in data else b""
+    return data
+
+
 def _columns(block: _Block, inference: Inference) -> tuple[_Columns, tuple[str, ...]]:
-    """Return the columns that the header names, and the names that are not inputs."""
-    if len(block.data) > MAX_LINE:
-        raise InvalidInput(f"line 1 is longer than {MAX_LINE} bytes")
+    """Return the columns that the titles name, and the names that are not inputs."""
+    lines = block.data.removeprefix(BOM_UTF8).split(b"\n", _MAX_HEAD)[:_MAX_HEAD]
+    for number, line in enumerate(lines, 1):
+        if len(line) > MAX_LINE:
+            raise InvalidInput(f"line {number} is longer than {MAX_LINE} bytes")
     try:
-        text = block.data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InvalidInput("line 1: expected column names in UTF-8") from None
-    names = tuple(name.strip() for name in _fields(text, 1))
-    expected = [variable.name for variable in inference.system.inputs]
+        form = table_format([each.decode(errors="replace") for each in lines])
+    except ValueError as error:
+        raise InvalidInput(f"the titles: {error}") from None
+    names, expected = form.titles, [variable.name for variable in inference.system.inputs]
+    where = f"line {form.title_line or 1}"
     if not any(names):
-        raise InvalidInput(f"line 1: expected the columns {', '.join(expected)}, got an empty line")
+        found = "numbers" if form.first_row <= len(lines) else "an empty line"
+        raise InvalidInput(f"{where}: expected the columns {', '.join(expected)}, got {found}")
+    if "\ufffd" in "".join(names):
+        raise InvalidInput(f"{where}: expected column names in UTF-8")
     for name in expected:
         if names.count(name) > 1:
-            raise InvalidInput(f"line 1: the column {name!r} appears twice")
+            raise InvalidInput(f"{where}: the column {name!r} appears twice")
         if name not in names:
-            hint = suggestion(name, names)
-            if len(names) == 1 and (other := next((s for s in ";\t" if s in names[0]), None)):
-                hint = f"; the separator must be a comma, not {other!r}"
-            raise InvalidInput(f"line 1: there is no column {name!r}{hint}")
-    unused = tuple(one_line(each, 60) for each in names if each not in expected)
-    return _Columns(names, tuple(map(names.index, expected))), unused
+            raise InvalidInput(f"{where}: there is no column {name!r}{suggestion(name, names)}")
+    unused = [each for each in names if each not in expected and not is_index(each)]
+    columns = _Columns(names, tuple(map(names.index, expected)), form)
+    return columns, tuple(one_line(each, 60) for each in unused)
 
 
 def _inputs(block: _Block, columns: _Columns) -> Float[Array, "rows inputs"]:
     """Return the inputs of a block; after an error of Arrow, parse by line to locate the error."""
     keys = [str(k) for k in range(len(columns.names))]
     picked = [keys[k] for k in columns.inputs]
-    if _is_plain(block):
+    if _is_plain(block, columns.form):
         try:
             table = arrow.read_csv(
                 BytesIO(block.data),
                 arrow.ReadOptions(use_threads=False, column_names=keys, block_size=len(block.data)),
-                arrow.ParseOptions(ignore_empty_lines=True),
+                arrow.ParseOptions(delimiter=columns.form.separator, ignore_empty_lines=True),
                 arrow.ConvertOptions(
                     include_columns=picked,
                     column_types=dict.fromkeys(picked, pa.float64()),
                     null_values=[],
+                    decimal_point=columns.form.decimal,
                 ),
             )
         except pa.ArrowInvalid:
@@ -159,48 +175,47 @@ def _inputs(block: _Block, columns: _Columns) -> Float[Array, "rows inputs"]:
     return np.array([_numbers(*each, columns) for each in _lines(block)]).reshape(-1, len(picked))
 
 
-def _is_plain(block: _Block) -> bool:
+def _is_plain(block: _Block, form: TableFormat) -> bool:
     """Return whether Arrow reads the same rows as :func:`_lines`.
 
-    Quotes and carriage returns without line feeds may be read differently.
+    Several blanks as one separator, comments, quotes and carriage returns without line feeds may be
+    read differently.
     """
     data = block.data
-    return b'"' not in data and data.count(b"\r") == data.count(b"\r\n")
+    special = form.separator == " " or b'"' in data or COMMENT.encode() in data
+    return not special and data.count(b"\r") == data.count(b"\r\n")
 
 
 def _lines(block: _Block) -> Iterator[tuple[int, str]]:
-    """Yield the number and the text of each line that is not empty."""
+    """Yield the number and the text of each line that is not empty or a comment."""
     for number, line in enumerate(block.data.split(b"\n"), block.first_line):
         text = line.removesuffix(b"\r").decode("utf-8", errors="replace")
-        if text:
+        if text.strip() and not text.lstrip().startswith(COMMENT):
             yield number, text
 
 
 def _numbers(number: int, line: str, columns: _Columns) -> list[float]:
     """Return the inputs of one line."""
-    fields = _fields(line, number)
-    if len(fields) != len(columns.names):
+    form = columns.form
+    try:
+        cells = form.cells(line)
+    except ValueError as error:
+        raise InvalidInput(f"line {number}: {error}") from None
+    if len(cells) != len(columns.names):
         raise InvalidInput(
-            f"line {number}: expected {len(columns.names)} values, as in line 1, got {len(fields)}"
+            f"line {number}: expected {len(columns.names)} values, as in line {form.title_line}, "
+            f"got {len(cells)}"
         )
     found = []
     for k in columns.inputs:
-        where, text = f"line {number}, column {columns.names[k]!r}", fields[k]
-        if not text.strip():
+        where, text = f"line {number}, column {columns.names[k]!r}", cells[k]
+        if not text:
             raise InvalidInput(f"{where}: expected a number, got an empty field")
-        value = parse_number(text)
+        value = form.number(text)
         if value is None:
             raise InvalidInput(f"{where}: expected a finite number, got {short_repr(text)}")
         found.append(value)
     return found
-
-
-def _fields(line: str, number: int) -> list[str]:
-    """Return the fields of one line; a quoted field cannot contain a line break."""
-    try:
-        return next(csv.reader([line.rstrip("\r\n")], strict=True), [])
-    except csv.Error as error:
-        raise InvalidInput(f"line {number}: is not comma-separated values: {error}") from None
 
 
 def _evaluate(

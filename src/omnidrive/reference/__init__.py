@@ -18,7 +18,7 @@ from omnidrive.reference.corridor import Corridor
 from omnidrive.reference.delay_within_limits import delay_within_limits, needed_limits
 from omnidrive.reference.delayed_reference import DelayedReference
 from omnidrive.reference.limit_sampling import sample_within_limits
-from omnidrive.reference.limit_usage import limit_usage, shortest_duration_within
+from omnidrive.reference.limit_usage import limit_usage, shortest_duration_within, slowed_to
 from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
 from omnidrive.reference.minimum_time import MinimumTime, minimum_time
 from omnidrive.reference.path_timing import time_within_limits
@@ -34,6 +34,7 @@ from omnidrive.reference.uniform_reference import (
     UniformReference,
     shortest_duration,
     time_uniformly,
+    top_speed,
     wheel_speed_used,
 )
 from omnidrive.reference.waypoint_reference import spline_along, waypoint_reference
@@ -73,9 +74,11 @@ __all__ = [
     "save_waypoints",
     "shortest_duration",
     "shortest_duration_within",
+    "slowed_to",
     "spline_along",
     "time_uniformly",
     "time_within_limits",
+    "top_speed",
     "waypoint_reference",
     "wheel_speed_used",
 ]

@@ -33,10 +33,18 @@ class ReferenceContext:
     Attributes:
         robot: Robot that follows the motion.
         start: Pose in W where the motion starts; a motion with positions of its own ignores it.
+        max_speed: Largest speed, m/s; None: that of the robot. A study slows a faster motion
+            uniformly.
     """
 
     robot: Robot
     start: Pose = ORIGIN
+    max_speed: float | None = None
+
+    @property
+    def limits(self) -> MotionLimits:
+        """Limits of the robot and of the speed."""
+        return MotionLimits.of_robot(self.robot, max_speed=self.max_speed)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -82,11 +90,13 @@ def random_smooth(context: ReferenceContext, parameters: RandomSmooth) -> ShapeR
 
 def waypoints(context: ReferenceContext, parameters: WaypointFile) -> Reference:
     """Waypoint file: as timed there, or in the shortest time if it has no times."""
-    return waypoint_reference(parameters.file, context.robot, heading=parameters.heading)
+    return waypoint_reference(
+        parameters.file, context.robot, heading=parameters.heading, max_speed=context.max_speed
+    )
 
 
 def _fastest(context: ReferenceContext, shape: Shape) -> ShapeReference:
-    """Return the motion in the shortest duration within the limits of the robot."""
+    """Return the motion in the shortest duration within the limits."""
     motion = ShapeReference(shape, 1.0, context.start)
-    limits = limit_rows(context.robot.chassis, MotionLimits.of_robot(context.robot))
+    limits = limit_rows(context.robot.chassis, context.limits)
     return ShapeReference(shape, shortest_duration_within(motion, limits), context.start)

@@ -1,4 +1,4 @@
-"""Use of the limits of a robot by any reference."""
+"""Use of limits by any reference, and slower motion that keeps them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from omnidrive.reference.reference import Reference
 from omnidrive.reference.retimed_reference import RetimedReference
 from omnidrive.reference.sampled_reference import SampledReference
 from omnidrive.reference.shape_reference import ShapeReference
+from omnidrive.reference.timed_reference import TimedReference
 
 _SAMPLES = 4000
 
@@ -47,6 +48,19 @@ def shortest_duration_within(reference: Reference, limits: tuple[LimitRows, ...]
     factors = [usage[group.name] ** (1.0 / _ORDER[group.kind]) for group in limits]
     shortest: float = reference.duration * max(factors)
     return shortest
+
+
+def slowed_to(reference: Reference, max_speed: float | None) -> Reference:
+    """Return the reference, slowed uniformly if it exceeds ``max_speed``, m/s; None: unchanged."""
+    if max_speed is None:
+        return reference
+    row = LimitRows("speed", "speed", np.eye(3)[:2] / max_speed, euclidean=True)
+    duration = shortest_duration_within(reference, (row,))
+    if duration <= reference.duration * (1.0 + 1e-9):
+        return reference
+    if isinstance(reference, TimedReference):
+        return reference.with_duration(duration)
+    return RetimedReference(reference, duration)
 
 
 _ORDER = {"speed": 1, "twist rate": 2, "acceleration": 2}

@@ -70,21 +70,26 @@ class MotionLimits:
             )
 
     @classmethod
-    def of_robot(cls, robot: Robot, *, share: float = 0.85) -> MotionLimits:
+    def of_robot(
+        cls, robot: Robot, *, share: float = 0.85, max_speed: float | None = None
+    ) -> MotionLimits:
         """Return the limits of a robot: its wheel speed and a share of its acceleration polytope.
 
         Args:
             robot: Robot with motors and friction.
             share: Usable share of the accelerations that friction and motors allow; positive.
+            max_speed: :attr:`speed`, m/s; None: no limit other than the wheel speed.
 
         Raises:
-            InvalidInput: ``share`` is not a positive number, or the wheels of the robot cannot
-                exert a force.
+            InvalidInput: ``share`` or ``max_speed`` is not positive, or the wheels of the robot
+                cannot exert a force.
         """
         if not (isfinite(share) and share > 0.0):
             raise InvalidInput(f"share must be a positive number, got {share:g}")
         return cls(
-            wheel_speed=robot.max_wheel_speed, acceleration_faces=robot.acceleration_faces / share
+            wheel_speed=robot.max_wheel_speed,
+            speed=inf if max_speed is None else max_speed,
+            acceleration_faces=robot.acceleration_faces / share,
         )
 
 

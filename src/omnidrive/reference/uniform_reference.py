@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, inf
 
 import numpy as np
 from jaxtyping import Float
@@ -43,37 +43,63 @@ class UniformReference(WindowReference):
         return np.hstack([self.path.poses(u), twists])
 
 
+def top_speed(path: SplinePath, duration: float) -> float:
+    """Return the largest speed on ``path`` in ``duration`` s, in m/s."""
+    derivatives = path.first_derivatives(_parameters(path))
+    return float(np.linalg.norm(derivatives[:, :2], axis=1).max()) / duration
+
+
 def wheel_speed_used(path: SplinePath, duration: float, chassis: Chassis) -> float:
     """Return the peak wheel speed on ``path`` in ``duration`` s, as a share of the speed limit.
 
     Wheel speeds are proportional to 1 / duration, so that one evaluation of the path gives the
     peak for every duration.
     """
-    u = np.linspace(0.0, 1.0, 20 * len(path.control_points) + 1)
+    u = _parameters(path)
     derivatives = rotate_into_body(path.first_derivatives(u), path.poses(u)[:, 2])
     peak = float(np.abs(derivatives @ chassis.jacobian.T).max())
     return peak / (duration * chassis.max_wheel_speed)
 
 
-def shortest_duration(path: SplinePath, chassis: Chassis) -> float:
-    """Return the shortest duration, in s, rounded up to 0.1 s, within the wheel speed limit."""
-    return ceil(wheel_speed_used(path, 1.0, chassis) * 10.0) / 10.0
+def _parameters(path: SplinePath) -> Float[Array, " n"]:
+    """Return the parameters at which the speeds on a path are evaluated."""
+    return np.linspace(0.0, 1.0, 20 * len(path.control_points) + 1)
 
 
-def time_uniformly(path: SplinePath, duration: float, chassis: Chassis) -> UniformReference:
-    """Return the uniform reference along ``path`` in ``duration`` s.
+def shortest_duration(path: SplinePath, chassis: Chassis, max_speed: float = inf) -> float:
+    """Return the shortest duration, in s, rounded up to 0.1 s, within the speed limits.
+
+    Args:
+        path: The path.
+        chassis: Wheel kinematics and wheel speed limit.
+        max_speed: Largest speed, in m/s.
+    """
+    shortest = max(wheel_speed_used(path, 1.0, chassis), top_speed(path, 1.0) / max_speed)
+    return ceil(shortest * 10.0) / 10.0
+
+
+def time_uniformly(
+    path: SplinePath, duration: float, chassis: Chassis, max_speed: float = inf
+) -> UniformReference:
+    """Return the uniform reference along ``path`` in ``duration`` s, at most at ``max_speed`` m/s.
 
     Raises:
-        InvalidReference: A wheel would exceed its speed limit; the message gives the shortest
-            duration.
+        InvalidReference: The speed or that of a wheel would exceed its limit; the message gives the
+            shortest duration.
     """
     reference = UniformReference(path, duration)
-    shortest = shortest_duration(path, chassis)
+    shortest = shortest_duration(path, chassis, max_speed)
     if duration < shortest:
+        need, top = top_speed(path, duration), chassis.max_wheel_speed
+        excess = (
+            f"the speed would reach {need:.2f} m/s, and the largest is {max_speed:g} m/s"
+            if shortest > shortest_duration(path, chassis)
+            else f"a wheel would need {shortest / duration * top:.0f} rad/s and reaches {top:g} "
+            "rad/s"
+        )
         raise InvalidReference(
-            f"{duration:g} s is too short for this path of {path.length:.2f} m: a wheel would need "
-            f"{shortest / duration * chassis.max_wheel_speed:.0f} rad/s and reaches "
-            f"{chassis.max_wheel_speed:g} rad/s. The shortest duration is {shortest:g} s "
-            f"(a mean speed of {path.length / shortest:.2f} m/s)"
+            f"{duration:g} s is too short for this path of {path.length:.2f} m: {excess}. The "
+            f"shortest duration is {shortest:g} s (a mean speed of {path.length / shortest:.2f} "
+            "m/s)"
         )
     return reference

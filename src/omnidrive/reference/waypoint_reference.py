@@ -32,7 +32,11 @@ _LEVER = 0.3
 
 
 def waypoint_reference(
-    file: StrPath, robot: Robot, *, heading: TableHeading = "tangent"
+    file: StrPath,
+    robot: Robot,
+    *,
+    heading: TableHeading = "tangent",
+    max_speed: float | None = None,
 ) -> SampledReference | TimedReference:
     """Return the motion of a waypoint file.
 
@@ -44,6 +48,7 @@ def waypoint_reference(
         file: Waypoint file, see :func:`load_waypoints`.
         robot: Robot whose limits hold on a path without times.
         heading: Heading of a table without headings, see :func:`load_waypoints`.
+        max_speed: Largest speed on a path without times, m/s; None: that of the robot.
 
     Raises:
         InvalidReference: The file is missing or malformed, or a path without times is longer than
@@ -56,7 +61,9 @@ def waypoint_reference(
         spline = spline_along(found)
     except InvalidReference as error:
         raise InvalidReference(f"{one_line(str(file))}: {error}") from None
-    return time_within_limits(spline, robot.chassis, MotionLimits.of_robot(robot))
+    return time_within_limits(
+        spline, robot.chassis, MotionLimits.of_robot(robot, max_speed=max_speed)
+    )
 
 
 def spline_along(path: Path) -> SplinePath:

@@ -40,7 +40,7 @@ from .stored_study import StoredStudy, compare_studies, export_study, read_study
 from .study import ProgressListener, Study, run_study
 from .study_folder import load_study
 from .tasks import Tasks, study_tasks
-from .timing import one_task, plan_at, retime, with_task
+from .timing import lengthen, one_task, plan_at, retime, with_task
 from .warm_up import warm_up
 
 __all__ = [
@@ -71,6 +71,7 @@ __all__ = [
     "export_study",
     "faults_of",
     "jobs_of",
+    "lengthen",
     "load_definition",
     "load_scenario",
     "load_study",

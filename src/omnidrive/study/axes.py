@@ -105,6 +105,24 @@ def _cases(path: str, source: Any, find: Callable[[str], Keys]) -> Axis:
     return Axis(path, source, numbered(cases, labels), tuple(settings))
 
 
+def first_values(path: str, source: Any) -> list[tuple[str, Any]]:
+    """Return paths and values of the first case of an axis that lists its values; else nothing."""
+    if isinstance(source, list):
+        return [(path, each) for each in source[:1]]
+    form = next((each for each in ("named", "cases") if _has_first(source, each)), None)
+    if form is None:
+        return []
+    first = next(iter(source[form].values()))
+    if form == "named":
+        return [(path, first)]
+    return [(k, v) for k, v in first.items() if isinstance(k, str)] if type(first) is dict else []
+
+
+def _has_first(source: Any, form: str) -> bool:
+    values = source.get(form) if isinstance(source, dict) else None
+    return isinstance(values, dict) and bool(values)
+
+
 def _check_values(values: list[Any]) -> None:
     if not values:
         raise InvalidStudy("has no values")

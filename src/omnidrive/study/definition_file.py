@@ -19,7 +19,7 @@ from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, is_path, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.parameter import Bounds
-from omnidrive.study.axes import moved_files
+from omnidrive.study.axes import first_values, moved_files
 from omnidrive.study.definition import (
     FORMAT,
     MAX_REPETITIONS,
@@ -131,7 +131,7 @@ def parse_definition(
     move = beside(to_path("study.yaml" if file is None else file))
     given = _parse_file(data, where)
     try:
-        scenario = _base_scenario(given.scenario, move, allow_code)
+        scenario = _base_scenario(_with_first_values(given), move, allow_code)
         for path, value in (changes or {}).items():
             allow_named(path, value)
         fixed = {**given.set, **(changes or {})}
@@ -171,6 +171,23 @@ def _parse_file(data: Any, where: str) -> _StudyFile:
         return _StudyFile.model_validate(data)
     except ValidationError as error:
         raise InvalidStudy(f"{where}: {listed(problems_of(error, _StudyFile))}") from None
+
+
+def _with_first_values(given: _StudyFile) -> Any:
+    """Return the base scenario; its data need not hold sections that vary or are set.
+
+    A section that they lack has the value that is set, or the first one of its axis.
+    """
+    if not isinstance(given.scenario, dict):
+        return given.scenario
+    found = dict(given.scenario)
+    cases = [(path, value) for path, value in given.set.items()]
+    cases += [each for path, source in given.axes.items() for each in first_values(path, source)]
+    for path, value in cases:
+        head, _, rest = path.partition(".")
+        if head not in found and rest in {"", "type"}:
+            found[head] = {rest: value} if rest else value
+    return found
 
 
 def _base_scenario(

@@ -14,6 +14,7 @@ from omnidrive.reference import (
     limit_usage,
     sample_within_limits,
     save_waypoints,
+    top_speed,
     wheel_speed_used,
 )
 from omnidrive.study.output_paths import check_figure_name, is_waypoint_file
@@ -94,8 +95,10 @@ def _limit_usage(planned: PlannedScenario, reference: Reference) -> dict[str, fl
     if isinstance(reference, TimedReference):
         return reference.limit_usage
     if isinstance(planned.path, SplinePath):
-        share = wheel_speed_used(planned.path, reference.duration, planned.robot.chassis)
-        return {"wheel speed": share}
+        duration, top = reference.duration, planned.scenario.timing.max_speed
+        share = wheel_speed_used(planned.path, duration, planned.robot.chassis)
+        of_speed = {} if top is None else {"speed": top_speed(planned.path, duration) / top}
+        return {"wheel speed": share, **of_speed}
     return limit_usage(reference, planned.limits)
 
 

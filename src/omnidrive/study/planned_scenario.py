@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
-from math import ceil
+from math import ceil, inf
 
 import numpy as np
 from jaxtyping import Float
@@ -28,6 +28,7 @@ from omnidrive.reference import (
     minimum_time,
     shortest_duration,
     shortest_duration_within,
+    slowed_to,
     time_uniformly,
     time_within_limits,
 )
@@ -102,9 +103,9 @@ class PlannedScenario:
 
     @property
     def limits(self) -> tuple[LimitRows, ...]:
-        """Limits of the motion: wheel speed and, unless the timing is `uniform`, accelerations."""
+        """Limits of the motion: speeds and, unless the timing is `uniform`, accelerations."""
         rows = limit_rows(self.robot.chassis, _motion_limits(self.scenario, self.robot))
-        return rows[:1] if self.motion is None else rows
+        return _of_speed(rows) if self.motion is None else rows
 
     @property
     def shortest(self) -> float:
@@ -114,7 +115,22 @@ class PlannedScenario:
         if self.motion is not None:
             return shortest_duration_within(self.motion, self.limits)
         assert isinstance(self.path, SplinePath)
-        return shortest_duration(self.path, self.robot.chassis)
+        return shortest_duration(self.path, self.robot.chassis, self._max_speed)
+
+    @property
+    def least(self) -> float:
+        """Shortest duration that :meth:`reference` accepts, s.
+
+        It differs from :attr:`shortest` for a motion that is not along a planned path: only its
+        speeds are limited.
+        """
+        if self.motion is None or isinstance(self.motion, TimedReference):
+            return self.shortest
+        return shortest_duration_within(self.motion, _of_speed(self.limits))
+
+    @property
+    def _max_speed(self) -> float:
+        return self.scenario.timing.max_speed or inf
 
     @property
     def natural(self) -> float | None:
@@ -126,30 +142,39 @@ class PlannedScenario:
         """Return the motion in ``duration`` seconds.
 
         Raises:
-            InvalidReference: The duration is too short for the limits of the robot. Only the wheel
-                speed limits a motion that is not along a planned path.
+            InvalidReference: The duration is too short for the limits. Only speeds limit a motion
+                that is not along a planned path.
         """
         if isinstance(self.motion, TimedReference):
             return self.motion.with_duration(duration)
         if self.motion is None:
             assert isinstance(self.path, SplinePath)
-            return time_uniformly(self.path, duration, self.robot.chassis)
-        self._check_wheel_speed(self.motion, duration)
+            return time_uniformly(self.path, duration, self.robot.chassis, self._max_speed)
+        self._check_speeds(self.motion, duration)
         if duration == self.motion.duration:
             return self.motion
         return RetimedReference(self.motion, duration)
 
-    def _check_wheel_speed(self, motion: Reference, duration: float) -> None:
-        limits = self.limits[:1]
-        (share,) = limit_usage(motion, limits).values()
+    def _check_speeds(self, motion: Reference, duration: float) -> None:
+        usage = limit_usage(motion, _of_speed(self.limits))
+        name, share = max(usage.items(), key=lambda item: item[1])
         share *= motion.duration / duration
         if share > 1.0 + _EXCESS:
-            top = self.robot.max_wheel_speed
-            raise InvalidReference(
-                f"{duration:g} s is too short for this reference: a wheel would need "
-                f"{_above(share * top, top)} rad/s and reaches {top:g} rad/s. The shortest "
-                f"duration is {ceil(10.0 * share * duration) / 10.0:g} s"
+            top = self._max_speed if name == "speed" else self.robot.max_wheel_speed
+            need = _above(share * top, top)
+            excess = (
+                f"the speed would reach {need} m/s, and the largest is {top:g} m/s"
+                if name == "speed"
+                else f"a wheel would need {need} rad/s and reaches {top:g} rad/s"
             )
+            raise InvalidReference(
+                f"{duration:g} s is too short for this reference: {excess}. The shortest duration "
+                f"is {ceil(10.0 * share * duration) / 10.0:g} s"
+            )
+
+
+def _of_speed(limits: tuple[LimitRows, ...]) -> tuple[LimitRows, ...]:
+    return tuple(each for each in limits if each.kind == "speed")
 
 
 def _above(value: float, limit: float) -> str:
@@ -196,8 +221,9 @@ def _with_reference(scenario: Scenario, robot: Robot, true_robot: Robot) -> Plan
     """Return the planned scenario of a reference that is not a planned path."""
     assert scenario.reference != "path"
     x, y, yaw = scenario.start or (0.0, 0.0, None)
-    made = scenario.reference.make(ReferenceContext(robot, Pose(x, y, yaw or 0.0)))
-    motion = _checked_motion(scenario.reference.type, made)
+    top = scenario.timing.max_speed
+    made = scenario.reference.make(ReferenceContext(robot, Pose(x, y, yaw or 0.0), top))
+    motion = slowed_to(_checked_motion(scenario.reference.type, made), top)
     path = ReferencePath.of(motion)
     if scenario.map.source == "none":
         obstacles = grid = _open_floor(path, robot)
@@ -266,7 +292,7 @@ def _open_floor(path: ReferencePath, robot: Robot) -> OccupancyGrid:
 def _motion_limits(scenario: Scenario, robot: Robot) -> MotionLimits:
     """Return the limits of the section `timing`."""
     timing = scenario.timing
-    limits = MotionLimits.of_robot(robot, share=timing.traction)
+    limits = MotionLimits.of_robot(robot, share=timing.traction, max_speed=timing.max_speed)
     if timing.wheel_acceleration is None:
         return limits
     return replace(limits, wheel_acceleration=timing.wheel_acceleration)

@@ -101,7 +101,7 @@ class Scenario(Section):
     path: PathOptions = PathOptions()
     """Options of search and smoothing, for a planned path."""
     timing: TimingSection = TimingSection()
-    """Timing of a planned path, and limits of the acceleration of every motion."""
+    """Timing of a planned path, and limits of speed and acceleration of every motion."""
     controllers: Annotated[
         dict[str, Annotated[Configured, OfGroup("controllers")]],
         Field(min_length=1, max_length=MAX_CONTROLLERS),

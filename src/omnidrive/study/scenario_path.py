@@ -63,6 +63,8 @@ def find_keys(data: dict[str, Any], path: str, *, addable: bool = False) -> Keys
     """
     controllers = {k: completed(v, data["preset"]) for k, v in data["controllers"].items()}
     known = {**with_plant_robot(data), "controllers": controllers}
+    if known["reference"] == "path":
+        known["reference"] = {"type": "path"}
     node: Any = known
     keys: list[str | int] = []
     rest = path
@@ -182,10 +184,15 @@ def _paths(data: Any, prefix: str = "") -> Iterator[str]:
 
 
 def value_at(data: Any, keys: Keys) -> Any:
-    """Return the value at ``keys``; None if there is none."""
+    """Return the value at ``keys``; None if there is none.
+
+    The type of the reference `path`, which is a name without parameters, is `path`.
+    """
     for key in keys:
         if isinstance(key, int):
             data = data[key] if data and key < len(data) else None
+        elif isinstance(data, str):
+            data = data if key == "type" else None
         else:
             data = data.get(key) if data else None
     return data

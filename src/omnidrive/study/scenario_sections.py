@@ -145,6 +145,9 @@ class TimingSection(Section):
     """Maximum acceleration, as a multiple of that at the friction and torque limits."""
     wheel_acceleration: Annotated[float, Bounds(0.01, 1e5, "rad/s^2")] | None = None
     """Maximum angular acceleration of a wheel, rad/s^2. None: no limit other than `traction`."""
+    max_speed: Annotated[float, Bounds(0.001, 100.0, "m/s")] | None = None
+    """Largest speed of the motion, planned or not, m/s. None: no limit other than that of the
+    wheels."""
 
     @model_validator(mode="after")
     def _check_heading(self) -> TimingSection:

@@ -36,7 +36,8 @@ def retime(
             a motion with times of its own keeps its duration.
 
     Raises:
-        InvalidInput: Both are given, one is not positive, or a scaled time is out of range.
+        InvalidInput: Both are given, one is not positive, the speed exceeds the largest one of the
+            scenario, or a scaled time is out of range.
     """
     if duration is not None and speed is not None:
         raise InvalidInput(
@@ -44,7 +45,7 @@ def retime(
             "the other; give only one of them"
         )
     _check_positive("duration", duration, "s")
-    _check_positive("speed", speed, "m/s")
+    _check_speed(scenario, speed)
     if duration is None:
         duration = _default_duration(scenario, speed)
     durations = scenario.tasks.path_durations
@@ -60,10 +61,11 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
             otherwise the shortest feasible one.
 
     Raises:
-        InvalidInput: The speed is not positive, or a scaled time is out of range.
+        InvalidInput: The speed is not positive or exceeds the largest one of the scenario, or a
+            scaled time is out of range.
         InvalidReference: The speed exceeds the limits of the robot.
     """
-    _check_positive("speed", speed, "m/s")
+    _check_speed(scenario, speed)
     planned = plan_scenario(scenario)
     durations = scenario.tasks.path_durations
     if not durations:
@@ -72,6 +74,19 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
     duration = _whole(max(desired, DURATION.low), scenario.sample_time)
     planned.reference(duration)
     return replace(planned, scenario=_scaled(scenario, duration / durations[0]))
+
+
+def lengthen(scenario: Scenario) -> Scenario:
+    """Return the scenario with the durations of its tasks scaled up if the shortest is infeasible.
+
+    Raises:
+        InvalidInput: A scaled time is out of range.
+    """
+    durations = scenario.tasks.path_durations
+    least = plan_scenario(scenario).least if durations else 0.0
+    if not durations or durations[0] >= least:
+        return scenario
+    return _scaled(scenario, _whole(least, scenario.sample_time) / durations[0])
 
 
 def _default_duration(scenario: Scenario, speed: float | None) -> float:
@@ -97,6 +112,16 @@ def _whole(duration: float, dt: float) -> float:
 def _check_positive(name: str, value: float | None, unit: str) -> None:
     if value is not None and not (isfinite(value) and value > 0.0):
         raise InvalidInput(f"the {name} must be positive, got {value:g} {unit}")
+
+
+def _check_speed(scenario: Scenario, speed: float | None) -> None:
+    _check_positive("speed", speed, "m/s")
+    top = scenario.timing.max_speed
+    if speed is not None and top is not None and speed > top:
+        raise InvalidInput(
+            f"the mean speed of {speed:g} m/s exceeds the largest speed of {top:g} m/s; lower the "
+            "mean speed, or raise the largest"
+        )
 
 
 def _scaled(scenario: Scenario, factor: float) -> Scenario:

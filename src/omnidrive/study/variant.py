@@ -23,21 +23,33 @@ def variant_data(data: dict[str, Any], settings: Sequence[Setting]) -> dict[str,
     """Return the data of a scenario with other settings; unchanged sections are shared.
 
     If the scenario has no section ``plant_robot`` but a setting in it, it begins with the values of
-    the robot.
+    the robot. With another type, a component has the defaults of its parameters.
 
     Raises:
         InvalidStudy: There is no number that a relative value can multiply.
     """
-    # last what depends on other settings: relative values, and the robot that the plant simulates
-    for setting in sorted(settings, key=lambda e: (e.keys[0] == "plant_robot", e.relative)):
+    for setting in sorted(settings, key=_order):
         if setting.keys[0] == "plant_robot" and len(setting.keys) > 1:
             data = with_plant_robot(data)
         value = setting.value
         if setting.relative or setting.drawn:
             old = _number_at(data, setting)
             value = _like(old, _product(old, value) if setting.relative else value)
-        data = with_value(data, setting.keys, value)
+        is_type = setting.keys[-1] == "type"
+        if is_type and value != value_at(data, setting.keys):
+            component = value if value == "path" else {"type": value}
+            data = with_value(data, setting.keys[:-1], component)
+        elif not is_type:
+            data = with_value(data, setting.keys, value)
     return data
+
+
+def _order(setting: Setting) -> tuple[bool, ...]:
+    """Return the sort key: first types of components, without which parameters have no meaning.
+
+    Last what depends on other settings: relative values, and the robot that the plant simulates.
+    """
+    return setting.keys[-1] != "type", setting.keys[0] == "plant_robot", setting.relative
 
 
 def _number_at(data: dict[str, Any], setting: Setting) -> Any:

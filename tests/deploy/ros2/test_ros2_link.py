@@ -377,7 +377,7 @@ def test_parameters_are_those_of_a_ros_file(tmp_path):
     settings = settings.with_values({"controller": "feedforward"})
     made = settings.make_pipeline(settings.make_robot())
     assert isinstance(made, Pipeline)
-    assert settings.with_values({"rate": 20.0, "speed": None}).rate == 20.0
+    assert settings.with_values({"rate": 20.0, "max_speed": None}).rate == 20.0
 
 
 @pytest.mark.parametrize(
@@ -386,7 +386,7 @@ def test_parameters_are_those_of_a_ros_file(tmp_path):
         ("omnidrive_drive: {ros__parameters: {rat: 5.0}}", "did you mean 'rate'"),
         ("omnidrive_drive: {ros__parameters: {rate: fast}}", "rate must be a float, got 'fast'"),
         ("omnidrive_drive: {ros__parameters: {rate: 5000}}", "rate is 5000 Hz"),
-        ("omnidrive_drive: {ros__parameters: {speed: -1.0}}", "speed is -1 m/s"),
+        ("omnidrive_drive: {ros__parameters: {max_speed: -1.0}}", "max_speed is -1 m/s"),
         ("omnidrive_drive: {ros__parameters: {command_type: Wrench}}", "one of Twist"),
         ("omnidrive_drive: {rate: 5.0}", "no mapping ros__parameters"),
         ("controller_server: {ros__parameters: {a: 1}}", "there are controller_server"),

@@ -43,8 +43,8 @@ class DriveSettings:
     """Controller, ``NAME[,KEY=VALUE...]``; in a file also ``{type: NAME, KEY: VALUE}``."""
     rate: Annotated[float, Bounds(1.0, 1000.0, "Hz")] = 50.0
     """Rate of the loop."""
-    speed: float | None = None
-    """Limit of the speed along paths; None: that of the robot."""
+    max_speed: float | None = None
+    """Largest speed of the reference, m/s; None: that of the robot."""
     margin: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.1
     """Distance from obstacles of the map, in addition to the robot's radius."""
     world_frame: str = "map"
@@ -101,8 +101,8 @@ class DriveSettings:
         try:
             _pose(changed.initial_pose)
             check_bounds(changed)
-            if changed.speed is not None:
-                check_number("speed", changed.speed, _SPEEDS)
+            if changed.max_speed is not None:
+                check_number("max_speed", changed.max_speed, _SPEEDS)
         except InvalidInput as error:
             raise InvalidInput(f"{where}{error}") from None
         return changed

@@ -91,13 +91,7 @@ def path_reference(
         InvalidReference: The robot is at the end of the path already, the path is too long, or it
             cannot be followed from ``twist`` on within the limits.
     """
-    limits = MotionLimits.of_robot(robot)
-    if speed is not None:
-        limits = MotionLimits(
-            wheel_speed=limits.wheel_speed,
-            speed=speed,
-            acceleration_faces=limits.acceleration_faces,
-        )
+    limits = MotionLimits.of_robot(robot, max_speed=speed)
     moving = _rate(twist) > _MOVING
     ahead = poses[_nearest(poses, start) :] if moving else poses
     joined = _joined(_with_headings(ahead, start), start)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -46,19 +47,29 @@ MAX_BYTES = 8_000_000
 """Size of the largest file that is read; a system of 100,000 rules has about 3 MB."""
 
 
-def load(path: StrPath) -> FuzzySystem:
+def load(path: StrPath, block: str | None = None) -> FuzzySystem:
     """Read a fuzzy system from a file: ``.fis``, ``.fll``, ``.fcl``, ``.fml`` or ``.xml`` (FML).
+
+    Args:
+        path: The file.
+        block: Name of the FUNCTION_BLOCK of an ``.fcl`` file; None: its first one.
 
     Warns:
         GapWarning: Part of the range of an input belongs to no fuzzy set.
+        UnreadBlockWarning: The file has several FUNCTION_BLOCKs, and ``block`` is None.
 
     Raises:
         InvalidFuzzyFile: The file cannot be read, is too large, or does not contain a system; the
             message names the file, the position and what was expected.
+        InvalidInput: A block of a file without blocks is given.
     """
     path = to_path(path)
     name = one_line(str(path))
     read = _format_of(path, InvalidFuzzyFile).read
+    if read is read_fcl:
+        read = partial(read_fcl, block=block, source=name)
+    elif block is not None:
+        raise InvalidInput(f"{name}: only .fcl files have blocks; leave out the block")
     text = _read_text(path)
     try:
         system = read(text)

@@ -7,12 +7,18 @@ the unit, as ``yaw_deg``, ``yaw [deg]`` or ``vx_m_per_s``, or a line ``# units: 
 all units; the default units are s, m and rad. A quaternion ``qx``, ``qy``, ``qz``, ``qw`` may stand
 for the yaw. Without both, the heading is the direction of travel. Other columns are ignored, and
 other lines that begin with ``#`` are comments.
+
+In race lines with the columns ``psi_rad`` and ``kappa_radpm``, psi counts from the y axis, as in
+those of TUM (TUMFTM/global_racetrajectory_optimization, Readme: "Zero is north (along y-axis)"; its
+trajectory_planning_helpers compute psi = atan2(dy, dx) - pi/2), unless it is the direction of
+travel from the x axis, as in files of other programs with these titles.
 """
 
 from __future__ import annotations
 
 import logging
 import pathlib
+from math import pi
 
 import numpy as np
 from jaxtyping import Float
@@ -27,6 +33,7 @@ from omnidrive.files.number_table import (
     table_format,
     table_separator,
 )
+from omnidrive.geometry import wrap
 from omnidrive.planning import Path
 from omnidrive.planning.headings import with_headings
 from omnidrive.reference.sampled_reference import MAX_SAMPLES, MAX_VALUE
@@ -86,7 +93,10 @@ def read_csv(file: pathlib.Path, heading: TableHeading = "tangent") -> Waypoints
     factors = _factors(name, columns, units, table)
     table *= factors
     _check_values(name, numbers, table)
-    return _waypoints(name, numbers, dict(zip(columns.place, table.T, strict=True)), heading)
+    column = dict(zip(columns.place, table.T, strict=True))
+    if columns.is_race_line:
+        column["yaw"] = _yaw_of_race_line(name, column)
+    return _waypoints(name, numbers, column, heading)
 
 
 def write_csv(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
@@ -231,6 +241,17 @@ def _yaw(name: str, lines: list[int], q: Float[Array, "rows 4"]) -> Float[Array,
     x, y, z, w = q.T
     yaw: Float[Array, " rows"] = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
     return yaw
+
+
+def _yaw_of_race_line(name: str, column: dict[str, Float[Array, " rows"]]) -> Float[Array, " rows"]:
+    """Return the yaw, rad, from psi, which counts from the y axis or, in some files, the x axis."""
+    psi = column["yaw"]
+    travel = np.arctan2(np.diff(column["y"]), np.diff(column["x"]))
+    off = np.abs(wrap(psi[:-1] - travel))
+    if len(off) and float(np.median(off)) < 0.25 * pi:
+        return psi
+    _log.warning("%s: psi_rad counts from the y axis, as in race lines of TUM", name)
+    return psi + 0.5 * pi
 
 
 def _check_values(name: str, lines: list[int], table: Float[Array, "rows columns"]) -> None:

@@ -39,6 +39,7 @@ _ALIASES = {
     **{f"q_{axis}": f"q{axis}" for axis in "xyzw"},
 }  # fmt: skip
 _MESSAGE = re.compile(r"(?:.*_)?(position|orientation)_([xyzw])")  # of ROS, in a table
+_RACE_LINE = {"psi_rad", "kappa_radpm"}
 _MAX_TITLE = 100
 
 
@@ -51,6 +52,8 @@ class Columns(NamedTuple):
     """Factor for SI units of each quantity, 0 where the title has no unit."""
     unused: tuple[str, ...]
     """Titles of the columns that are not read."""
+    is_race_line: bool = False
+    """Whether the titles are those of a race line of TUM (global_racetrajectory_optimization)."""
 
 
 def quantity_of(title: str) -> tuple[str, str] | None:
@@ -100,7 +103,8 @@ def table_columns(where: str, titles: tuple[str, ...]) -> Columns:
     has_yaw = "yaw" in index or QUATERNION[0] in index
     _check_missing(where, [*(k for k in POSITION if k not in index), *([] if has_yaw else ["yaw"])],
                    unused)  # fmt: skip
-    return Columns(index, factor, tuple(one_line(each, 60) for each in unused))
+    is_race_line = {_words(each) for each in titles} >= _RACE_LINE
+    return Columns(index, factor, tuple(one_line(each, 60) for each in unused), is_race_line)
 
 
 def _leave_out(index: dict[str, int], quantities: tuple[str, ...]) -> None:

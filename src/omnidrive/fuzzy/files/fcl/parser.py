@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from omnidrive.errors import InvalidFuzzyFile, one_line
 from omnidrive.files.position import Position
 from omnidrive.fuzzy.files.assembly import LocatedRule
 from omnidrive.fuzzy.files.fcl.lexer import (
@@ -114,14 +115,24 @@ class FclFile(NamedTuple):
     """Names of the other FUNCTION_BLOCKs of the text."""
 
 
-def parse(text: str) -> FclFile:
+def parse(text: str, block: str | None = None) -> FclFile:
     """Parse a text in either dialect; keywords are accepted in any case.
 
+    Args:
+        text: The text.
+        block: Name of the FUNCTION_BLOCK to read; None: the first.
+
     Raises:
-        InvalidFuzzyFile: The syntax is wrong, a name is unknown or repeated, or a statement is not
-            supported.
+        InvalidFuzzyFile: The syntax is wrong, a name is unknown or repeated, a statement is not
+            supported, or there is no such block.
     """
-    return _Parser(text).file()
+    return _Parser(text).file(block)
+
+
+def short_names(names: Sequence[str]) -> str:
+    """Return the first four names, quoted and shortened, for a message."""
+    shown = ", ".join(repr(one_line(each, 40)) for each in names[:4])
+    return shown + (", ..." if len(names) > 4 else "")
 
 
 class _Parser:
@@ -134,11 +145,20 @@ class _Parser:
         self._blocks: list[RuleBlockEntry] = []
         self._is_fuzzylite = False
 
-    def file(self) -> FclFile:
-        """Parse the whole text."""
+    def file(self, block: str | None) -> FclFile:
+        """Parse the whole text, but only skip all blocks other than ``block``."""
         tokens = self._tokens
-        start = tokens.expect("FUNCTION_BLOCK")
-        name = tokens.rest_of_line(start.position.line, *SECTIONS)
+        skipped: list[str] = []
+        name = self._block_name()
+        while block is not None and name != block:
+            skipped.append(name)
+            self._skip_block()
+            if tokens.next.kind == "end":
+                raise InvalidFuzzyFile(
+                    f"there is no FUNCTION_BLOCK {one_line(block, 40)!r}; there are "
+                    f"{short_names(skipped)}"
+                )
+            name = self._block_name()
         sections = {
             "VAR_INPUT": lambda: self._declarations(self._inputs),
             "VAR_OUTPUT": lambda: self._declarations(self._outputs),
@@ -150,22 +170,30 @@ class _Parser:
             sections[section]()
         tokens.accept(";")
         return FclFile(
-            name, self._inputs, self._outputs, self._blocks, self._is_fuzzylite, self._unread()
-        )
+            name, self._inputs, self._outputs, self._blocks, self._is_fuzzylite,
+            (*skipped, *self._unread()),
+        )  # fmt: skip
 
-    def _unread(self) -> tuple[str, ...]:
-        """Skip the other FUNCTION_BLOCKs and return their names."""
-        tokens = self._tokens
+    def _unread(self) -> list[str]:
+        """Skip the FUNCTION_BLOCKs that follow and return their names."""
         names = []
-        while tokens.next.kind != "end":
-            start = tokens.expect("FUNCTION_BLOCK")
-            names.append(tokens.rest_of_line(start.position.line, *SECTIONS))
-            while not tokens.accept("END_FUNCTION_BLOCK"):
-                if tokens.next.kind == "end" or tokens.next.key == "FUNCTION_BLOCK":
-                    tokens.fail("END_FUNCTION_BLOCK")
-                tokens.take()
-            tokens.accept(";")
-        return tuple(names)
+        while self._tokens.next.kind != "end":
+            names.append(self._block_name())
+            self._skip_block()
+        return names
+
+    def _block_name(self) -> str:
+        start = self._tokens.expect("FUNCTION_BLOCK")
+        return self._tokens.rest_of_line(start.position.line, *SECTIONS)
+
+    def _skip_block(self) -> None:
+        """Skip the rest of a FUNCTION_BLOCK."""
+        tokens = self._tokens
+        while not tokens.accept("END_FUNCTION_BLOCK"):
+            if tokens.next.kind == "end" or tokens.next.key == "FUNCTION_BLOCK":
+                tokens.fail("END_FUNCTION_BLOCK")
+            tokens.take()
+        tokens.accept(";")
 
     def _declarations(self, variables: dict[str, VariableEntry]) -> None:
         tokens = self._tokens

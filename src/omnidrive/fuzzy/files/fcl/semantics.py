@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, one_line
 from omnidrive.fuzzy.files.assembly import (
     LocatedRule,
     assemble_system,
@@ -20,6 +20,7 @@ from omnidrive.fuzzy.files.fcl.parser import (
     RuleBlockEntry,
     VariableEntry,
     parse,
+    short_names,
 )
 from omnidrive.fuzzy.files.fcl.term_parser import SingletonsEntry
 from omnidrive.fuzzy.files.fcl.term_semantics import limits_of, sets_of, simplified
@@ -56,7 +57,7 @@ class UnreadBlockWarning(UserWarning):
     """A text has FUNCTION_BLOCKs that are not read."""
 
 
-def read_fcl(text: str) -> FuzzySystem:
+def read_fcl(text: str, block: str | None = None, *, source: str = "") -> FuzzySystem:
     """Return the system that a text in the fuzzy control language describes.
 
     Both dialects are supported, and keywords in any case. Points that form a triangle, a trapezoid
@@ -68,22 +69,27 @@ def read_fcl(text: str) -> FuzzySystem:
     the centroid of fuzzy singletons where their degrees are not summed, or where another output
     has fuzzy sets.
 
+    Args:
+        text: The text.
+        block: Name of the FUNCTION_BLOCK to read; None: the first.
+        source: Name of the file, for the warning.
+
     Warns:
-        UnreadBlockWarning: The text has several FUNCTION_BLOCKs; the first is read.
+        UnreadBlockWarning: The text has several FUNCTION_BLOCKs, and ``block`` is None.
 
     Raises:
-        InvalidFuzzyFile: The text is malformed, or :class:`FuzzySystem` does not support a part.
+        InvalidFuzzyFile: The text is malformed, there is no such block, or :class:`FuzzySystem`
+            does not support a part.
     """
-    file = parse(text)
+    file = parse(text, block)
     system = _Builder(file).system()
-    if file.unread:
-        others = ", ".join(repr(each[:40]) for each in file.unread[:4])
-        others += ", ..." if len(file.unread) > 4 else ""
+    if file.unread and block is None:
+        where = f"{source}: " if source else ""
         warnings.warn(
-            f"only the first FUNCTION_BLOCK, {file.name[:40]!r}, is read, not {others}; to read "
-            "another, write it to a file of its own",
+            f"{where}only the first FUNCTION_BLOCK, {one_line(file.name, 40)!r}, is read, not "
+            f"{short_names(file.unread)}; name another one as block (--block NAME)",
             UnreadBlockWarning,
-            stacklevel=2,
+            stacklevel=3 if source else 2,
         )
     return system
 
