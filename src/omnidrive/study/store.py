@@ -26,6 +26,7 @@ from omnidrive.study.stored_rows import (
     INSERT_RUN,
     RESULT_OF_KEY,
     Loss,
+    count_outcomes,
     loss,
     read_facts,
     result_record,
@@ -227,22 +228,28 @@ class Store:
         """Return the tables of :meth:`records` and :meth:`timing`, and which runs are damaged."""
         from omnidrive.study.record_table import stored_tables  # noqa: PLC0415 - takes a second
 
-        with self.errors():
+        with self.errors(), self._snapshot():
             return stored_tables(self._connection, self._facts()["runs"])
 
     def status(self) -> StoreStatus:
         """Return the number of stored runs, in total and by outcome."""
-        columns = "outcome, CASE WHEN finished THEN '' ELSE substr(detail, 1, 500) END"
         counts: Counter[str] = Counter()
         failures: list[tuple[int, str]] = []
-        with self.errors():
-            for rows in valid_rows(self._connection, f"{columns}, finished"):
-                counts.update(row[1] for row in rows)
-                if len(failures) < _MOST_FAILURES:
-                    failures += [(number, text) for number, _, text, done in rows if not done]
+        with self.errors(), self._snapshot():
+            found = count_outcomes(self._connection)
+            for (outcome, _), number in found.items():
+                counts[outcome] += number
+            if not all(finished for _, finished in found):
+                parts = valid_rows(self._connection, "substr(detail, 1, 500)", "NOT finished")
+                failures = next(parts, [])[:_MOST_FAILURES]
             lost = loss(self._connection, counts.total(), self._facts()["runs"])
-        first = [(n, (text.splitlines() or [""])[0]) for n, text in failures[:_MOST_FAILURES]]
+        first = [(n, (text.splitlines() or [""])[0]) for n, text in failures]
         return StoreStatus(counts.total(), dict(sorted(counts.items())), first, lost)
+
+    @property
+    def count(self) -> int:
+        """Number of stored runs, according to the facts about the study."""
+        return int(self._facts()["runs"])
 
     def read(self, query: str) -> list[tuple[Any, ...]]:
         """Return the rows of a query."""
@@ -265,6 +272,16 @@ class Store:
                 if self._connection.in_transaction:
                     self._connection.execute("ROLLBACK")
                 raise
+
+    @contextmanager
+    def _snapshot(self) -> Iterator[None]:
+        """Read one state of the database in a block, although other processes write."""
+        self._connection.execute("BEGIN")
+        try:
+            yield
+        finally:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
 
     @contextmanager
     def errors(self) -> Iterator[None]:

@@ -26,7 +26,7 @@ from omnidrive.study.stored_rows import (
     Loss,
     add_functions,
     copy_valid,
-    count_valid,
+    count_outcomes,
     is_corrupt,
     loss,
     read_facts,
@@ -157,7 +157,10 @@ def _defect(connection: sqlite3.Connection, path: Path) -> str | None:
         facts = read_facts(connection)
         if facts is None:
             return "its stop rule is lost"
-        lost = loss(connection, count_valid(connection), facts["runs"])
+        lost = loss(connection, count_outcomes(connection).total(), facts["runs"])
+        ((rows,),) = connection.execute("SELECT COUNT(*) FROM runs")
+        if rows > facts["runs"]:
+            return "it has rows of no stored run"
         return str(lost) if lost.runs else None
     except sqlite3.DatabaseError as error:
         if not is_corrupt(error):
@@ -249,8 +252,9 @@ def _keep(path: Path) -> Path:
     beside = next(name for name in names if not os.path.lexists(name))
     with write_errors(path):
         log = path.with_name(f"{path.name}-wal")
-        if log.exists():  # it would become a part of the new database
+        if log.exists() and log.stat().st_size:  # it would become a part of the new database
             os.replace(log, beside.with_name(f"{beside.name}-wal"))
+        log.unlink(missing_ok=True)
         path.with_name(f"{path.name}-shm").unlink(missing_ok=True)
         try:
             os.link(path, beside)

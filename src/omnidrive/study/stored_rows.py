@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import isnan, nan
@@ -81,8 +82,8 @@ _DAMAGED = "SELECT number FROM runs LEFT JOIN results ON results.id = runs.resul
 _IS_DAMAGED = f"({VALID_RESULT} AND {_VALID_RUN}) IS NOT 1"
 
 _VALID_ROWS = (
-    "FROM runs CROSS JOIN results ON results.id = runs.result "
-    f"WHERE number BETWEEN ? AND ? AND {VALID_RESULT} AND {_VALID_RUN}"
+    "FROM runs CROSS JOIN results ON results.id = runs.result WHERE number BETWEEN ? AND ? "
+    f"AND {VALID_RESULT} AND {_VALID_RUN}"
 )
 
 RESULT_OF_KEY = (
@@ -249,18 +250,26 @@ def valid_rows(
     Raises:
         sqlite3.Error: The database cannot be read at all.
     """
-    query = f"SELECT number, {columns} {_VALID_ROWS} AND {where} ORDER BY number"
+    rows = _VALID_ROWS.replace("WHERE", f"WHERE {where} AND", 1)  # before the checksums
+    query = f"SELECT number, {columns} {rows} ORDER BY number"
     yield from _rows(connection, query)
 
 
-def count_valid(connection: sqlite3.Connection) -> int:
-    """Return the number of undamaged stored runs.
+def count_outcomes(connection: sqlite3.Connection) -> Counter[tuple[str, bool]]:
+    """Return the number of undamaged stored runs by outcome and whether they are finished.
 
     Raises:
-        sqlite3.Error: A page is damaged, or the database cannot be read.
+        sqlite3.Error: The database cannot be read at all.
     """
-    ((count,),) = connection.execute(f"SELECT COUNT(*) {_VALID_ROWS}", _NUMBERS)
-    return int(count)
+    query = f"SELECT outcome, finished, COUNT(*) {_VALID_ROWS} GROUP BY outcome, finished"
+    try:
+        rows = connection.execute(query, _NUMBERS).fetchall()
+    except sqlite3.DatabaseError as error:
+        if not is_corrupt(error):
+            raise
+        parts = valid_rows(connection, "outcome, finished")
+        return Counter((row[1], bool(row[2])) for part in parts for row in part)
+    return Counter({(outcome, bool(finished)): count for outcome, finished, count in rows})
 
 
 def copy_valid(source: sqlite3.Connection, target: sqlite3.Connection) -> tuple[int, int]:
