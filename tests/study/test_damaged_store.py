@@ -7,6 +7,7 @@ import sqlite3
 import pytest
 
 from omnidrive.errors import CannotWrite, InvalidStore
+from omnidrive.study import store_errors
 from omnidrive.study.store import FILE, Store
 from tests.study.synthetic import SyntheticPlan, record
 
@@ -178,3 +179,54 @@ def test_damaged_result_is_computed_again(whole, tmp_path):
         store.add([RECORDS[9]])
         assert repr(store.results([key])[key].relabelled(PLAN[9])) == repr(RECORDS[9])
         assert not store.status().loss.runs
+
+
+def test_cut_file_is_read_and_rebuilt(whole, tmp_path, caplog):
+    """What is read of a file without its last tenth is kept, and the file stays beside it."""
+    data = (whole[0] / FILE).read_bytes()
+    (tmp_path / FILE).write_bytes(data[: len(data) * 9 // 10])
+    with Store(tmp_path, read_only=True) as store:
+        status = store.status()
+    assert 0 < status.runs < len(PLAN)
+    assert status.runs + status.loss.runs == len(PLAN)
+    with Store(tmp_path) as store:
+        assert store.status().runs == status.runs
+        assert store.fact("definition") == "definition"
+    assert "results are kept" in caplog.text
+    assert "the damaged file is now runs-damaged.sqlite" in caplog.text
+    assert (tmp_path / "runs-damaged.sqlite").read_bytes() == data[: len(data) * 9 // 10]
+    assert resumed(tmp_path, whole[1], "cut")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [FILE, "runs-damaged.sqlite"]
+
+
+def test_results_of_lost_runs_are_kept(whole, tmp_path):
+    """Where the table of runs is unreadable, runs are found by the keys of their results."""
+    folder = changed(tmp_path / "a", whole[0], "")
+    connection = sqlite3.connect(folder / FILE)
+    ((page,),) = connection.execute("SELECT rootpage FROM sqlite_master WHERE name = 'runs'")
+    connection.close()
+    data = bytearray((folder / FILE).read_bytes())
+    data[PAGE * (page - 1) : PAGE * page] = bytes(PAGE)
+    (folder / FILE).write_bytes(data)
+    with Store(folder) as store:
+        assert store.status().runs == 0
+        assert len(store.results(each.key for each in RECORDS)) == len(RECORDS)
+
+
+def test_store_in_use_is_not_rebuilt(whole, tmp_path, monkeypatch):
+    monkeypatch.setattr(store_errors, "PATIENCE", 0.05)
+    folder = changed(tmp_path / "a", whole[0], "UPDATE runs SET task = '' WHERE number = 4")
+    with Store(folder, read_only=True) as store:
+        store.status()
+        with pytest.raises(CannotWrite, match="another program has locked it"):
+            Store(folder)
+    assert not (folder / "runs-damaged.sqlite").exists()
+    Store(folder).close()
+
+
+def test_store_without_valid_results_is_refused(whole, tmp_path):
+    folder = changed(tmp_path / "a", whole[0], "UPDATE results SET outcome = ''")
+    before = (folder / FILE).read_bytes()
+    with pytest.raises(InvalidStore, match=r"no run in it can be read; it was not changed. Rest"):
+        Store(folder)
+    assert (folder / FILE).read_bytes() == before

@@ -13,6 +13,7 @@ import pytest
 
 from omnidrive.errors import CannotWrite, InvalidStore
 from omnidrive.study import store as store_module
+from omnidrive.study import store_errors
 from omnidrive.study.store import FILE, Store
 from tests.study.synthetic import SyntheticPlan, record, table_bytes
 
@@ -191,7 +192,7 @@ def test_missing_folder_and_missing_store_are_reported(tmp_path):
 
 def test_locked_database_is_reported(tmp_path, monkeypatch):
     filled(tmp_path)
-    monkeypatch.setattr(store_module, "_PATIENCE", 0.05)
+    monkeypatch.setattr(store_errors, "PATIENCE", 0.05)
     with Store(tmp_path) as store:
         other = sqlite3.connect(tmp_path / FILE, isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
@@ -244,7 +245,7 @@ def damage(folder, seed):
 
 
 def check_damage(tmp_path, seeds):
-    """Check that a damaged database is read as it was, or reported; never more."""
+    """Check that a damaged database is read as it was, rebuilt or refused; never more."""
     filled(tmp_path)
     whole, reported = table(tmp_path), 0
     for seed in seeds:
@@ -255,8 +256,9 @@ def check_damage(tmp_path, seeds):
         try:
             with Store(folder) as store:
                 assert store.records().schema.names[:10] == whole.schema.names[:10]
+            reported += (folder / "runs-damaged.sqlite").exists()
         except InvalidStore as error:
-            reported += "is damaged" in str(error) or "no database" in str(error)
+            reported += "is damaged" in str(error) or "is not a database" in str(error)
         except (CannotWrite, UnicodeDecodeError) as error:
             raise AssertionError(f"seed {seed}: {error}") from error
     return reported

@@ -80,6 +80,7 @@ class Experiment:
         folder: Folder of the store; it is created.
         definition: Hash of the definition without its number of repetitions.
         first: Number of runs from the first one on that are computed at first. None: all.
+        prepare: Called with the open store before anything else is done with it.
     """
 
     plan: KeyedPlan
@@ -87,6 +88,7 @@ class Experiment:
     folder: StrPath
     definition: str
     first: int | None = None
+    prepare: Callable[[Store], None] = lambda _: None
     _pace: _Pace = field(default_factory=lambda: _Pace(1), init=False)
     _computed: int = field(default=0, init=False)
     _unfinished: int = field(default=0, init=False)
@@ -138,12 +140,13 @@ class Experiment:
             alone = processes == 1 and time_limit is None
             here = scheduler is None and (alone or must_be_in_process())
         with Store(folder) as store:
+            self.prepare(store)
             store.begin(self.definition)
             plan = PlanPrefix(self.plan, len(self.plan) if self.first is None else self.first)
             with Claims(store, plan) as claims:
                 source = _UnstoredRuns(store, claims, plan, processes, extend)
                 self._pace = _Pace(1 if here else processes)
-                before = store.status().runs
+                before = store.count
                 blocks = execute_blocks(
                     source, work, processes, time_limit=time_limit, in_process=here,
                     scheduler=scheduler,

@@ -24,14 +24,17 @@ from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_plan import RunPlan, check_size
 from omnidrive.study.run_record import RunRecord
 from omnidrive.study.store import Store
-from omnidrive.study.study_folder import DEFINITION_FILE
+from omnidrive.study.study_folder import (
+    DEFINITION_FILE,
+    DESCRIPTIONS,
+    check_unchanged,
+    note_file,
+)
 
 MAX_SEQUENTIAL = 10_000
 """Largest number of repetitions that a stop rule may ask for, by default."""
 
 _KEYS_IN_HASH = 256
-_DESCRIPTIONS = ("name", "question", "repetitions", "series")
-"""Keys of a definition that change none of its runs."""
 
 
 def run_experiment(
@@ -79,13 +82,20 @@ def run_experiment(
     if until is not None:
         planned = definition.with_repetitions(max(most_repetitions, definition.repetitions))
     plan = RunPlan(planned)
-    _prepare_folder(definition, path)
-    if until is not None:
-        with Store(path) as store:
+    is_extended = _prepare_folder(definition, path)
+
+    def prepare(store: Store) -> None:
+        """Check that the study file is the one of the stored runs; store the facts about it."""
+        check_unchanged(store, path / DEFINITION_FILE)
+        if is_extended:
+            save_definition(definition, path / DEFINITION_FILE)
+        note_file(store, path / DEFINITION_FILE)
+        if until is not None:
             store.note("until", _rule_text(until))
+
     runs, digest = NumberedRuns(planned, path / "series"), definition_hash(planned, plan)
     first = plan.per_repetition * definition.repetitions
-    Experiment(plan, runs, path, digest, first).execute(
+    Experiment(plan, runs, path, digest, first, prepare).execute(
         processes,
         report=report,
         time_limit=run_timeout,
@@ -182,8 +192,12 @@ class _Extension:
         return min(wanted, most) * self.plan.per_repetition
 
 
-def _prepare_folder(definition: StudyDefinition, path: Path) -> None:
-    """Create the folder with the definition, or check that it holds the same study."""
+def _prepare_folder(definition: StudyDefinition, path: Path) -> bool:
+    """Create the folder with the definition, or check that it holds the same study.
+
+    Returns:
+        Whether it holds the study with fewer repetitions.
+    """
     create_folder(path)
     remove_abandoned(path)
     file = path / DEFINITION_FILE
@@ -194,17 +208,17 @@ def _prepare_folder(definition: StudyDefinition, path: Path) -> None:
                 f"{one_line(str(path))} holds another study, '{present.name}'; choose another "
                 "folder with --out"
             )
-        if present.repetitions >= definition.repetitions:
-            return
-    elif any(path.iterdir()):
+        return present.repetitions < definition.repetitions
+    if any(path.iterdir()):
         raise CannotWrite(f"{one_line(str(path))} is not empty; choose a new folder with --out")
     save_definition(definition, file)
+    return False
 
 
 def _content(definition: StudyDefinition) -> dict[str, Any]:
     """Return what determines the runs of a study and their numbers."""
     data = definition_data(definition, "/study.yaml")
-    return {key: value for key, value in data.items() if key not in _DESCRIPTIONS}
+    return {key: value for key, value in data.items() if key not in DESCRIPTIONS}
 
 
 def _rule_text(rule: StopRule) -> str:

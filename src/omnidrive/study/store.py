@@ -2,45 +2,38 @@
 
 Every change is one transaction, which is on the disk before the method returns (write-ahead log,
 ``synchronous=FULL``). A run has one row of results by its key, and one row per number of the plan,
-both with checksums, see :mod:`omnidrive.study.stored_rows`. Readers leave out damaged runs; a
-process that writes removes them, so that they are computed again.
+both with checksums, see :mod:`omnidrive.study.stored_rows`. Readers leave out damaged runs; before
+a process writes, it is rebuilt without them, see :mod:`omnidrive.study.store_opening`.
 Several processes may work on one study: each claims numbers, see :mod:`omnidrive.study.claims`.
 """
 
 from __future__ import annotations
 
-import json
-import logging
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
-from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
-from omnidrive.errors import InvalidStore, OmnidriveError, one_line
+from omnidrive.errors import InvalidStore, one_line
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.output_paths import STORE_FILE as FILE
 from omnidrive.study.run_record import RunRecord
-from omnidrive.study.store_errors import PATIENCE as _PATIENCE
-from omnidrive.study.store_errors import user_error
+from omnidrive.study.store_errors import store_errors
+from omnidrive.study.store_opening import open_to_read, open_to_write
 from omnidrive.study.stored_rows import (
-    APPLICATION,
     INSERT_RESULT,
     INSERT_RUN,
-    INVALID_RESULT,
-    INVALID_RUN,
-    SCHEMA,
-    VALID_RESULT,
-    VERSION,
+    RESULT_OF_KEY,
     Loss,
-    add_functions,
+    count_outcomes,
     loss,
+    read_facts,
     result_record,
     result_row,
     run_row,
     valid_rows,
+    write_facts,
 )
 
 if TYPE_CHECKING:
@@ -51,9 +44,6 @@ if TYPE_CHECKING:
 
 _RANGE = 2048  # numbers that are looked up at once
 _MOST_FAILURES = 5  # failed runs that are named
-_FACT_ROW = "row_checksum(CAST(content AS BLOB))"
-
-_log = logging.getLogger("omnidrive")
 
 
 @runtime_checkable
@@ -97,21 +87,15 @@ class Store:
             read_only: Whether the database must exist and is not changed.
 
         Raises:
-            InvalidStore: The file is no database of a study, is damaged, or is of a newer version
-                of this package; it is not changed.
+            InvalidStore: The file is no database of a study, is of another version of this
+                package, or nothing in it can be read; it is not changed.
             CannotWrite: The database cannot be opened, created or read.
         """
         self.path = to_path(folder) / FILE
         if read_only and not self.path.is_file():
             raise InvalidStore(f"there is no study in {one_line(str(folder))}: no file {FILE}")
         with self.errors():
-            self._connection = _opened(self.path, read_only=read_only)
-        try:
-            with self.errors():
-                self._check(read_only=read_only)
-        except BaseException:
-            self._connection.close()
-            raise
+            self._connection = (open_to_read if read_only else open_to_write)(self.path)
 
     def __enter__(self) -> Store:
         return self
@@ -139,30 +123,20 @@ class Store:
             CannotWrite: It cannot be stored.
         """
         if self.fact(name) != value:
-            with self.transaction():
-                self._set_facts({**self._facts(), name: value})
+            with self.transaction() as connection:
+                write_facts(connection, {**self._facts(), name: value})
 
     def _facts(self) -> dict[str, Any]:
         """Return the facts about the study, among them the number of stored runs, ``runs``."""
         with self.errors():
-            rows = self._connection.execute(
-                f"SELECT CAST(content AS BLOB) FROM facts WHERE id = 1 AND {_FACT_ROW} = checksum"
-            ).fetchall()
-            found = json.loads(rows[0][0]) if rows else None
-        if not isinstance(found, dict) or not isinstance(found.get("runs"), int):
+            found = read_facts(self._connection)
+        if found is None:
             raise InvalidStore(
                 f"{one_line(str(self.path))} is damaged: the number of its runs and its stop rule "
                 "are lost. Repeat the command that began the study (omnidrive study FILE --out "
                 "FOLDER); stored runs are kept"
             )
         return found
-
-    def _set_facts(self, facts: dict[str, Any]) -> None:
-        """Store the facts about the study, in a transaction."""
-        self._connection.execute(
-            "INSERT OR REPLACE INTO facts VALUES (1, ?1, row_checksum(CAST(?1 AS BLOB)))",
-            (json.dumps(facts),),
-        )
 
     def begin(self, definition: str) -> None:
         """Prepare the database for a plan.
@@ -181,7 +155,7 @@ class Store:
         with self.transaction() as connection:
             connection.execute("DELETE FROM runs")
             connection.execute("DELETE FROM claims")
-            self._set_facts({**self._facts(), "definition": definition, "runs": 0})
+            write_facts(connection, {**self._facts(), "definition": definition, "runs": 0})
 
     def add(self, records: Sequence[RunRecord], logs: Sequence[str | None] = ()) -> None:
         """Store records in one transaction, and release the claims of their runs.
@@ -204,7 +178,7 @@ class Store:
             old = connection.executemany("DELETE FROM runs WHERE number = ?", numbers).rowcount
             new = connection.executemany(INSERT_RUN, runs).rowcount
             facts = self._facts()
-            self._set_facts({**facts, "runs": facts["runs"] + max(new, 0) - max(old, 0)})
+            write_facts(connection, {**facts, "runs": facts["runs"] + max(new, 0) - max(old, 0)})
             connection.executemany("DELETE FROM claims WHERE number = ?", numbers)
 
     def missing(self, plan: KeyedPlan, start: int = 0) -> Iterator[int]:
@@ -227,12 +201,8 @@ class Store:
 
     def results(self, keys: Iterable[str]) -> dict[str, RunRecord]:
         """Return the stored results with these keys, to be :meth:`RunRecord.relabelled`."""
-        query = (
-            "SELECT outcome, finished, names, floats, detail FROM results "
-            f"WHERE key = ? AND {VALID_RESULT}"
-        )
         with self.errors():
-            rows = {key: self._connection.execute(query, (key,)).fetchone() for key in keys}
+            rows = {key: self._connection.execute(RESULT_OF_KEY, (key,)).fetchone() for key in keys}
             return {key: result_record(key, row) for key, row in rows.items() if row is not None}
 
     def logs(self) -> dict[int, str]:
@@ -258,22 +228,30 @@ class Store:
         """Return the tables of :meth:`records` and :meth:`timing`, and which runs are damaged."""
         from omnidrive.study.record_table import stored_tables  # noqa: PLC0415 - takes a second
 
-        with self.errors():
+        with self.errors(), self._snapshot():
             return stored_tables(self._connection, self._facts()["runs"])
 
     def status(self) -> StoreStatus:
         """Return the number of stored runs, in total and by outcome."""
-        columns = "outcome, CASE WHEN finished THEN '' ELSE substr(detail, 1, 500) END"
         counts: Counter[str] = Counter()
         failures: list[tuple[int, str]] = []
-        with self.errors():
-            for rows in valid_rows(self._connection, f"{columns}, finished"):
-                counts.update(row[1] for row in rows)
-                if len(failures) < _MOST_FAILURES:
-                    failures += [(n, t or o.replace("_", " ")) for n, o, t, ok in rows if not ok]
+        with self.errors(), self._snapshot():
+            found = count_outcomes(self._connection)
+            for (outcome, _), number in found.items():
+                counts[outcome] += number
+            if not all(finished for _, finished in found):
+                columns = "substr(detail, 1, 500), outcome"
+                parts = valid_rows(self._connection, columns, "NOT finished")
+                first = next(parts, [])[:_MOST_FAILURES]
+                failures = [(n, text or outcome.replace("_", " ")) for n, text, outcome in first]
             lost = loss(self._connection, counts.total(), self._facts()["runs"])
-        first = [(n, (text.splitlines() or [""])[0]) for n, text in failures[:_MOST_FAILURES]]
+        first = [(n, (text.splitlines() or [""])[0]) for n, text in failures]
         return StoreStatus(counts.total(), dict(sorted(counts.items())), first, lost)
+
+    @property
+    def count(self) -> int:
+        """Number of stored runs, according to the facts about the study."""
+        return int(self._facts()["runs"])
 
     def read(self, query: str) -> list[tuple[Any, ...]]:
         """Return the rows of a query."""
@@ -298,6 +276,16 @@ class Store:
                 raise
 
     @contextmanager
+    def _snapshot(self) -> Iterator[None]:
+        """Read one state of the database in a block, although other processes write."""
+        self._connection.execute("BEGIN")
+        try:
+            yield
+        finally:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+
+    @contextmanager
     def errors(self) -> Iterator[None]:
         """Convert errors of the database in a block.
 
@@ -305,94 +293,5 @@ class Store:
             InvalidStore: The file is no database of a study, or is damaged.
             CannotWrite: The database cannot be written, or read because another process locks it.
         """
-        try:
+        with store_errors(self.path):
             yield
-        except OmnidriveError:  # some are ValueErrors
-            raise
-        except (sqlite3.Error, ValueError, TypeError, OverflowError, RecursionError) as error:
-            raise user_error(self.path, error) from None
-
-    def _check(self, *, read_only: bool) -> None:
-        """Check that the database is one of a study; create its tables if it is new."""
-        execute = self._connection.execute
-        if not read_only and not execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:
-            self._create()
-        ((application,),) = execute("PRAGMA application_id")
-        ((version,),) = execute("PRAGMA user_version")
-        if application != APPLICATION:
-            raise InvalidStore(
-                f"{one_line(str(self.path))} is a database of another program; it was not changed. "
-                "Choose another folder"
-            )
-        if version != VERSION:
-            age, advice = (
-                ("a newer", "update omnidrive") if version > VERSION
-                else ("an older", "compute the study again in another folder")
-            )  # fmt: skip
-            raise InvalidStore(
-                f"{one_line(str(self.path))} was written by {age} version of omnidrive (version "
-                f"{version} of the store, this one reads {VERSION}); {advice}"
-            )
-        if not read_only:  # damage that a reader meets is an error where it meets it
-            ((found, *_),) = execute("PRAGMA quick_check(1)").fetchall()
-            if found != "ok":
-                raise sqlite3.DatabaseError(found)
-            self._remove_damaged()
-
-    def _remove_damaged(self) -> None:
-        """Remove damaged rows, so that their runs are computed again."""
-        execute = self._connection.execute
-        try:
-            stored = self._facts()["runs"]
-        except InvalidStore:
-            _log.warning("%s is damaged: its stop rule is lost", one_line(str(self.path)))
-            stored = None
-        read = sum(len(rows) for rows in valid_rows(self._connection, "1"))
-        lost = loss(self._connection, read, stored)
-        if stored is not None and not lost.runs:
-            return
-        with self.transaction():
-            facts = {} if stored is None else self._facts()
-            execute(f"DELETE FROM results WHERE {INVALID_RESULT}")
-            execute(f"DELETE FROM runs WHERE {INVALID_RUN}")
-            ((left,),) = execute("SELECT COUNT(*) FROM runs")
-            self._set_facts({**facts, "runs": left})
-        if lost.runs:
-            _log.warning("%s: %s; lost runs are computed again", one_line(str(self.path)), lost)
-
-    def _create(self) -> None:
-        """Create the tables, all or none, unless another process did."""
-        execute = self._connection.execute
-        until = monotonic() + _PATIENCE
-        while True:
-            try:
-                execute("PRAGMA journal_mode = WAL")
-                break
-            except sqlite3.OperationalError:  # another process does it, for which it does not wait
-                if monotonic() > until:
-                    raise
-                sleep(0.01)
-        with self.transaction():
-            if not execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:
-                for statement in SCHEMA.split(";"):
-                    execute(statement)
-                self._set_facts({"runs": 0})
-
-
-def _opened(path: Path, *, read_only: bool) -> sqlite3.Connection:
-    """Return a connection to a database."""
-    if not read_only:
-        connection = sqlite3.connect(path, timeout=_PATIENCE, isolation_level=None)
-        connection.execute("PRAGMA synchronous = FULL")
-        connection.execute("PRAGMA trusted_schema = OFF")
-        add_functions(connection)
-        return connection
-    uri = f"{path.absolute().as_uri()}?mode=ro"
-    connection = sqlite3.connect(uri, uri=True, timeout=_PATIENCE, isolation_level=None)
-    try:
-        connection.execute("SELECT COUNT(*) FROM sqlite_master")
-    except sqlite3.OperationalError:  # no process writes in a read-only folder
-        connection.close()
-        connection = sqlite3.connect(f"{uri}&immutable=1", uri=True, isolation_level=None)
-    add_functions(connection)
-    return connection

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from omnidrive.errors import CannotWrite, InvalidStore, one_line
-from omnidrive.study.output_paths import STORE_FILE
+from omnidrive.errors import CannotWrite, InvalidStore, OmnidriveError, one_line
 
 PATIENCE = 30.0
 """Time to wait for another process that writes, s."""
@@ -31,8 +32,30 @@ def user_error(path: Path, error: Exception) -> CannotWrite | InvalidStore:
     if code in _CAUSES:
         return CannotWrite(f"cannot write to {name}: {_CAUSES[code]}. Finished runs are kept")
     if code == sqlite3.SQLITE_NOTADB:
-        return InvalidStore(f"{name} is not a database of a study; it was not changed")
+        return InvalidStore(
+            f"{name} is not a database of a study; it was not changed. Restore it from a copy, or "
+            "choose another folder"
+        )
     return InvalidStore(
-        f"{name} is damaged ({one_line(str(error), 120)}); it was not changed. Restore it from a "
-        f"copy, save what is left with: sqlite3 {STORE_FILE} .recover, or choose another folder"
+        f"{name} is damaged ({one_line(str(error), 120)}). Restore it from a copy, or keep what "
+        "can be read of it and compute the rest again with: omnidrive study resume"
     )
+
+
+@contextmanager
+def store_errors(path: Path) -> Iterator[None]:
+    """Convert errors of the database in a block.
+
+    Args:
+        path: Its file.
+
+    Raises:
+        InvalidStore: The file is no database of a study, or is damaged.
+        CannotWrite: The database cannot be written, or read because another process locks it.
+    """
+    try:
+        yield
+    except OmnidriveError:  # some are ValueErrors
+        raise
+    except (sqlite3.Error, ValueError, TypeError, OverflowError, RecursionError) as error:
+        raise user_error(path, error) from None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import isnan, nan
@@ -25,8 +26,10 @@ VERSION = 2
 
 _CHUNK = 10_000  # rows in memory as Python objects
 _MOST_READS = 5_000  # attempts to read what damaged pages leave
+_MOST_VAIN_READS = 500  # as long as none succeeds
 _NUMBERS = (-(2**63), 2**63 - 1)  # least and largest number of a row
 _MOST_NAMED = 10  # runs that a message names
+_FACT_ROW = "row_checksum(CAST(content AS BLOB))"
 
 SCHEMA = f"""
 CREATE TABLE results (
@@ -78,11 +81,16 @@ _VALID_RUN = "runs.checksum = " + _checksum(
 _DAMAGED = "SELECT number FROM runs LEFT JOIN results ON results.id = runs.result "
 _IS_DAMAGED = f"({VALID_RESULT} AND {_VALID_RUN}) IS NOT 1"
 
-INVALID_RESULT = f"({VALID_RESULT}) IS NOT 1"
-"""SQL condition that a row of ``results`` is damaged."""
+_VALID_ROWS = (
+    "FROM runs CROSS JOIN results ON results.id = runs.result WHERE number BETWEEN ? AND ? "
+    f"AND {VALID_RESULT} AND {_VALID_RUN}"
+)
 
-INVALID_RUN = f"number IN ({_DAMAGED} WHERE {_IS_DAMAGED})"
-"""SQL condition that a row of ``runs`` or its result is damaged."""
+RESULT_OF_KEY = (
+    "SELECT outcome, finished, names, floats, detail FROM results WHERE key = ?1 AND "
+    f"checksum = {_checksum(['?1', *_RESULT[1:]])}"
+)
+"""SQL query of a valid result by its key; that a damaged index names another row is found."""
 
 INSERT_RESULT = f"""
 INSERT INTO results ({", ".join(_RESULT)}, checksum)
@@ -200,8 +208,31 @@ def run_row(record: RunRecord) -> tuple[Any, ...]:
 
 
 def is_corrupt(error: sqlite3.Error) -> bool:
-    """Return whether an error of the database is that of a damaged page."""
-    return getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_CORRUPT
+    """Return whether an error of the database is that of a damaged page or of a huge value."""
+    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+    return code in {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_TOOBIG}
+
+
+def read_facts(connection: sqlite3.Connection) -> dict[str, Any] | None:
+    """Return the facts about the study, with the number of stored runs; None: they are damaged."""
+    try:
+        rows = connection.execute(
+            f"SELECT CAST(content AS BLOB) FROM facts WHERE id = 1 AND {_FACT_ROW} = checksum"
+        ).fetchall()
+        found = json.loads(rows[0][0]) if rows else None
+    except sqlite3.DatabaseError as error:
+        if not is_corrupt(error):
+            raise
+        return None
+    return found if isinstance(found, dict) and isinstance(found.get("runs"), int) else None
+
+
+def write_facts(connection: sqlite3.Connection, facts: dict[str, Any]) -> None:
+    """Store the facts about the study, in a transaction."""
+    connection.execute(
+        "INSERT OR REPLACE INTO facts VALUES (1, ?1, row_checksum(CAST(?1 AS BLOB)))",
+        (json.dumps(facts),),
+    )
 
 
 def valid_rows(
@@ -219,18 +250,60 @@ def valid_rows(
     Raises:
         sqlite3.Error: The database cannot be read at all.
     """
-    query = (
-        f"SELECT number, {columns} FROM runs CROSS JOIN results ON results.id = runs.result "
-        f"WHERE number BETWEEN ? AND ? AND {where} AND {VALID_RESULT} AND {_VALID_RUN} "
-        "ORDER BY number"
-    )
+    rows = _VALID_ROWS.replace("WHERE", f"WHERE {where} AND", 1)  # before the checksums
+    query = f"SELECT number, {columns} {rows} ORDER BY number"
     yield from _rows(connection, query)
+
+
+def count_outcomes(connection: sqlite3.Connection) -> Counter[tuple[str, bool]]:
+    """Return the number of undamaged stored runs by outcome and whether they are finished.
+
+    Raises:
+        sqlite3.Error: The database cannot be read at all.
+    """
+    query = f"SELECT outcome, finished, COUNT(*) {_VALID_ROWS} GROUP BY outcome, finished"
+    try:
+        rows = connection.execute(query, _NUMBERS).fetchall()
+    except sqlite3.DatabaseError as error:
+        if not is_corrupt(error):
+            raise
+        parts = valid_rows(connection, "outcome, finished")
+        return Counter((row[1], bool(row[2])) for part in parts for row in part)
+    return Counter({(outcome, bool(finished)): count for outcome, finished, count in rows})
+
+
+def copy_valid(source: sqlite3.Connection, target: sqlite3.Connection) -> tuple[int, int]:
+    """Copy the undamaged rows of a database into an empty one, in a transaction.
+
+    Results without a run are copied as well: runs are found by their keys.
+
+    Returns:
+        Number of copied runs and of copied results.
+
+    Raises:
+        sqlite3.Error: A database cannot be read or written at all.
+    """
+    labels = [f"runs.{name}" for name in _RUN if name not in {"number", "key"}]
+    columns = ", ".join([f"results.{name}" for name in _RESULT] + labels)
+    split, runs = 1 + len(_RESULT), 0
+    for rows in valid_rows(source, columns):
+        target.executemany(INSERT_RESULT, (row[1:split] for row in rows))
+        target.executemany(INSERT_RUN, ((row[0], row[1], *row[split:]) for row in rows))
+        runs += len(rows)
+    query = (
+        f"SELECT id, {', '.join(_RESULT)} FROM results WHERE id BETWEEN ? AND ? "
+        f"AND {VALID_RESULT} ORDER BY id"
+    )
+    for rows in _rows(source, query):
+        target.executemany(INSERT_RESULT, (row[1:] for row in rows))
+    ((results,),) = target.execute("SELECT COUNT(*) FROM results")
+    return runs, results
 
 
 def _rows(connection: sqlite3.Connection, query: str) -> Iterator[list[tuple[Any, ...]]]:
     """Yield the rows of a query of a range of numbers, and those beside damaged pages."""
     ranges = [_NUMBERS]
-    reads, last = 0, _NUMBERS[0] - 1
+    reads, last, found = 0, _NUMBERS[0] - 1, False
     while ranges:
         low, high = ranges.pop()
         low = max(low, last + 1)
@@ -245,12 +318,14 @@ def _rows(connection: sqlite3.Connection, query: str) -> Iterator[list[tuple[Any
                     kept = {row[0]: row for row in rows if row[0] > last}
                     rows = [kept[number] for number in sorted(kept)]
                 last = rows[-1][0] if rows else last
+                found = True
                 yield rows
         except sqlite3.DatabaseError as error:
             if not is_corrupt(error):
                 raise
             low = max(low, last + 1)
-            if low < high and reads < _MOST_READS:
+            most = _MOST_READS if found else _MOST_VAIN_READS
+            if low < high and reads < most:
                 middle = _middle(low, high)
                 ranges += [(middle + 1, high), (low, middle)]
 
@@ -273,5 +348,17 @@ def loss(connection: sqlite3.Connection, read: int, stored: int | None) -> Loss:
     if read == stored:
         return Loss(0, ())
     query = f"{_DAMAGED} WHERE number BETWEEN ? AND ? AND {_IS_DAMAGED} ORDER BY number"
-    numbers = tuple(number for rows in _rows(connection, query) for (number,) in rows)
+    found = (number for rows in _rows(connection, query) for (number,) in rows)
+    numbers = tuple(number for number in found if not _is_valid(connection, number))
     return Loss(max(len(numbers), (stored or 0) - read), numbers)
+
+
+def _is_valid(connection: sqlite3.Connection, number: int) -> bool:
+    """Return whether a run can be read; a part of a page that was cut off has wrong numbers."""
+    try:
+        found = connection.execute(f"SELECT 1 {_VALID_ROWS}", (number, number)).fetchone()
+    except sqlite3.DatabaseError as error:
+        if not is_corrupt(error):
+            raise
+        return False
+    return found is not None

@@ -31,6 +31,7 @@ from omnidrive.study.run_plan import RunPlan
 from omnidrive.study.run_record import record_of
 from omnidrive.study.scenario_file import scenario_data
 from omnidrive.study.store import Store
+from omnidrive.study.study_folder import SCENARIO_FILE, note_file
 
 _SCALARS = ("t", "work", "status", "collisions", "step_time", "saturated")
 _WHEELS = ("wheel_speed", "wheel_torque", "command_wheel_speed", "command_wheel_torque")
@@ -88,6 +89,14 @@ class StoredRuns:
                 run = _restored(pq.read_table(path), json.loads(texts[number]))
                 found[job] = evaluate(self._planned, job, run)
         return found
+
+    def note_inputs(self) -> None:
+        """Store the hash of the scenario file, after it has been written.
+
+        Raises:
+            CannotWrite: It cannot be stored.
+        """
+        note_file(self._store, self._folder.path / SCENARIO_FILE)
 
     def add(self, job: Job, result: Result) -> None:
         """Store a finished run: first its log, then its record.

@@ -187,6 +187,8 @@ def run_study(
         with clock.part("simulate", len(jobs)), _limits_in_the_verdict(scenario):
             if store:
                 store.save_inputs(planned)
+            if stored:
+                stored.note_inputs()
             finished = stored.finished() if stored else {}
             left = [job for job in jobs if job not in finished]
             executed = execute_jobs(planned, left, processes, observers, run_timeout=run_timeout)
