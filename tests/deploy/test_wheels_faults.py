@@ -33,7 +33,7 @@ from tests.deploy.board import SerialBoard, UdpBoard
 
 ROBOT = named_robot("small")
 WHEELS = len(ROBOT.mounts)
-DT, COUNTS, WATCHDOG = 0.02, 100_000, 0.3
+DT, COUNTS, WATCHDOG = 0.04, 100_000, 0.3
 BEGIN, END, ARMED, DURATION = 0.3, 1.2, 2.0, 2.5  # s
 GOAL = Pose(0.4, 0.2, 0.0)
 
@@ -75,7 +75,7 @@ class Board:
         pass
 
 
-LONGEST = 30.0  # s
+LONGEST = 6.0  # s
 
 
 def driven(monkeypatch, spoil, goal=GOAL, duration=DURATION):
@@ -180,9 +180,14 @@ def test_a_board_that_restarts_holds_the_robot(monkeypatch, first):
 
 
 @pytest.mark.parametrize(
-    "change", [{"counts": COUNTS // 2}, {"wheels": 3}, {"version": 2}, {"watchdog": 5.0}]
+    ("change", "again"),
+    [
+        ({"counts": COUNTS // 2}, False),
+        ({"wheels": 3}, True),
+        ({"version": 2}, False),
+        ({"watchdog": 5.0}, True),
+    ],
 )
-@pytest.mark.parametrize("again", [False, True])
 def test_another_greeting_in_mid_drive_holds_the_robot(monkeypatch, change, again):
     """An armed robot goes on only when the board greets as at first."""
     first = Hello(1, WHEELS, COUNTS, WATCHDOG)
@@ -239,7 +244,7 @@ def test_false_counts_hold_the_robot_until_they_follow_one_another(monkeypatch, 
     assert ROBOT.chassis.twist(board.angles)[:2] == pytest.approx(GOAL[:2], abs=0.01)
 
 
-@pytest.mark.parametrize("wheel", range(WHEELS))
+@pytest.mark.parametrize("wheel", [0, WHEELS - 1])
 def test_a_count_that_is_stuck_holds_the_robot(monkeypatch, wheel):
     def spoil(_board, t, report):
         counts = list(report.counts)
@@ -252,14 +257,23 @@ def test_a_count_that_is_stuck_holds_the_robot(monkeypatch, wheel):
     assert t <= STUCK_TIME + MAX_AGE + 0.2
 
 
-def test_random_lines_never_end_a_drive_by_an_error(monkeypatch):
-    """Lines with right checksums and any fields, floods, pieces of lines and noise."""
-    for seed in range(12):
+def check_random_lines(monkeypatch, seeds):
+    for seed in seeds:
         rng = random.Random(seed)
         result, board = driven(monkeypatch, noise(rng))
         assert states(result)[-1] is DriveState.STOPPED
         assert np.isfinite(board.angles).all(), seed
         assert np.abs(board.angles).max() < 2.0 * ROBOT.max_wheel_speed * LONGEST
+
+
+def test_random_lines_never_end_a_drive_by_an_error(monkeypatch):
+    """Lines with right checksums and any fields, floods, pieces of lines and noise."""
+    check_random_lines(monkeypatch, range(3))
+
+
+@pytest.mark.long
+def test_many_random_lines_never_end_a_drive_by_an_error(monkeypatch):
+    check_random_lines(monkeypatch, range(100))
 
 
 def noise(rng):
