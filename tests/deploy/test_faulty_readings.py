@@ -22,7 +22,7 @@ from omnidrive.geometry import BodyTwist, Pose
 from tests.deploy.simulated_drive import DT, ROBOT, START, circle, controller, driven, link
 from tests.deploy.test_drive_faults import armed_at, fixes_with, frozen
 
-DRIVES, LONG_DRIVES = 30, 1000
+DRIVES, LONG_DRIVES = 8, 1000
 DURATION = 5.0  # s
 WILD = (nan, inf, -inf, 1e300, -1e300, 1e12, -1e12, 1e3)
 BEYOND = MAX_AGE + RAMP_TIME + 4.0 * DT
