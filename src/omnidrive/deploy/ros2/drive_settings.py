@@ -236,7 +236,7 @@ def _specification(data: Mapping[Any, Any], name: str) -> str:
         if key == "type":
             continue
         if isinstance(value, dict | list):
-            raise InvalidInput(f"{name}: controller.{key} must be one value")
+            raise InvalidInput(f"{name}: controller.{one_line(str(key), 60)} must be one value")
         text = str(value).lower() if isinstance(value, bool) else f"{value}"
         parts.append(f"{key}={text}")
     return ",".join(parts)
