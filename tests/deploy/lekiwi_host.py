@@ -4,6 +4,8 @@ Its wheels turn exactly as commanded, in whole encoder steps per second.
 """
 
 import json
+import socket
+import struct
 import threading
 import time
 from contextlib import suppress
@@ -65,13 +67,13 @@ class LeKiwiHost:
         self.commands.setsockopt(zmq.CONFLATE, 1)
         self.observations = self.context.socket(zmq.PUSH)
         self.observations.setsockopt(*((zmq.SNDHWM, 2) if self.parts else (zmq.CONFLATE, 1)))
-        for socket in (self.commands, self.observations):
-            socket.setsockopt(zmq.LINGER, 0)
+        for each in (self.commands, self.observations):
+            each.setsockopt(zmq.LINGER, 0)
         self.command_port, self.observation_port = (
-            socket.bind_to_random_port("tcp://127.0.0.1")
+            each.bind_to_random_port("tcp://127.0.0.1")
             if port == 0
-            else (socket.bind(f"tcp://127.0.0.1:{port}"), port)[1]
-            for socket, port in zip((self.commands, self.observations), self.ports, strict=True)
+            else (each.bind(f"tcp://127.0.0.1:{port}"), port)[1]
+            for each, port in zip((self.commands, self.observations), self.ports, strict=True)
         )
         self._thread.start()
         return self
@@ -132,3 +134,52 @@ class LeKiwiHost:
         if sent:
             with suppress(zmq.Again):
                 self.observations.send_multipart(sent, zmq.NOBLOCK)
+
+
+class EndlessHost:
+    """Context manager: a host whose message has one part of 10 kB after the other, without end.
+
+    Attributes:
+        port: Its port of observations.
+        connections: Number of connections that were made to it.
+        closed: Number of them that the other side closed.
+    """
+
+    def __init__(self):
+        self.connections = self.closed = 0
+        self._socket = socket.create_server(("127.0.0.1", 0))
+        self.port = self._socket.getsockname()[1]
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self):
+        self._socket.settimeout(0.1)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._ended.set()
+        self._thread.join()
+        self._socket.close()
+
+    def _run(self):
+        while not self._ended.is_set():
+            with suppress(TimeoutError):
+                connection = self._socket.accept()[0]
+                self.connections += 1
+                with connection:
+                    self._serve(connection)
+
+    def _serve(self, connection):
+        """Send the greeting and the handshake of ZMTP 3.1 (ZeroMQ RFC 37), and then parts."""
+        kind = b"\x0bSocket-Type" + struct.pack(">I", 4) + b"PUSH"
+        ready = b"\x05READY" + kind
+        part = b"\x03" + struct.pack(">Q", 10_000) + bytes(10_000)
+        greeting = b"\xff" + bytes(8) + b"\x7f\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32)
+        connection.settimeout(5.0)
+        try:
+            connection.sendall(greeting + b"\x04" + bytes([len(ready)]) + ready)
+            while not self._ended.wait(0.002):
+                connection.sendall(part)
+        except OSError:
+            self.closed += 1

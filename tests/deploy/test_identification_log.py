@@ -1,6 +1,8 @@
 """Identification of a robot from the log of a drive."""
 
 from dataclasses import dataclass, field, replace
+from math import inf, nan, pi
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +12,10 @@ pytest.importorskip("mcap")
 from omnidrive import PlanarPlant, Pose, named_robot
 from omnidrive.control import Command, Pipeline, WheelTorques
 from omnidrive.deploy import SimulatedClock, SimulatedLink, SimulatedRobot, drive
-from omnidrive.deploy.identification_log import _robot_log, identification_log
-from omnidrive.deploy.log import DriveLog, read_log
+from omnidrive.deploy.drive_state import DriveState
+from omnidrive.deploy.identification_log import identification_log
+from omnidrive.deploy.log import DriveLog, LoggedSample, read_log
+from omnidrive.deploy.log.logged_drive import LoggedDrive
 from omnidrive.errors import InvalidLog
 from omnidrive.estimation import PoseFix, SensorReadings
 from omnidrive.geometry import BodyTwist
@@ -79,7 +83,7 @@ def test_log_holds_poses_commands_and_wheel_speeds(tmp_path):
     assert len(log.t) == round(6.0 / DT) + 1 - begin
     np.testing.assert_allclose(log.t, DT * np.arange(len(log.t)), atol=1e-9)
     poses = np.array([state.pose for state in link.states])
-    np.testing.assert_array_equal(log.poses, poses[begin : begin + len(log.t)])
+    np.testing.assert_allclose(log.poses, poses[begin : begin + len(log.t)], atol=1e-12)
     speeds = np.array([state.wheel_speeds for state in link.states])[begin : begin + len(log.t)]
     assert np.sqrt(np.mean((log.wheel_speeds - speeds) ** 2)) < 0.05 * np.abs(speeds).max()
 
@@ -92,16 +96,98 @@ def test_changed_robot_is_identified_from_the_log_of_a_drive(tmp_path):
     assert found.robot.lag[0] == pytest.approx(TRUE.lag[0], abs=0.01)
 
 
+class Drive(LoggedDrive):
+    """A log in memory: a robot that drives at 0.22 m/s and turns at 0.4 rad/s."""
+
+    robot = NOMINAL
+
+    def __init__(self, rate, samples):
+        metadata = {"dt": str(1.0 / rate)}
+        super().__init__((Path("a"),), metadata, {}, (), (), (), (), True, 0, len(samples))
+        object.__setattr__(self, "kept", samples)
+
+    def samples(self):
+        return iter(self.kept)
+
+
+FORWARDS = BodyTwist(0.2, 0.0, 0.4)
+
+
+def sampled(rate, count, taken, origin=5.0, sent=FORWARDS):
+    """Return a log in which each sample has the measurements that were ``taken`` before it (s)."""
+    samples, begin, taken = [], origin + 0.004, np.asarray(taken).tolist()
+    for k in range(count):
+        now = k / rate + begin
+        fixes = []
+        while taken and origin + taken[0] <= now:
+            t = taken.pop(0)
+            yaw = (0.4 * t + pi) % (2.0 * pi) - pi
+            fixes.append(PoseFix(origin + t, Pose(0.2 * t, -0.1 * t, yaw), 1e-3, 1e-3))
+        read = None
+        if fixes:
+            angles = tuple(3.0 * (fixes[-1].stamp - origin) for _ in NOMINAL.mounts)
+            read = SensorReadings(fixes[-1].stamp, angles, fixes=tuple(fixes))
+        sample = LoggedSample(k, DriveState.RUNNING, 0.0, 0.0, read=read, sent=sent)
+        samples.append(sample)
+    return Drive(rate, samples)
+
+
+def check_straight(log):
+    """Check the poses and wheel speeds of :func:`sampled`, with the times of the samples."""
+    np.testing.assert_allclose(
+        np.diff(log.poses[:, :2], axis=0), [[0.02, -0.01]] * (len(log.t) - 1)
+    )
+    np.testing.assert_allclose(np.diff(np.unwrap(log.poses[:, 2])), 0.04)
+    np.testing.assert_allclose(log.wheel_speeds, 3.0)
+
+
+def test_late_measurements_end_no_stretch():
+    """Poses at 10 Hz arrive now before, now after the sample of a loop at 10 Hz."""
+    rng = np.random.default_rng(3)
+    taken = 0.1 * np.arange(300) + rng.uniform(-0.01, 0.01, 300)
+    drive = sampled(10.0, 290, taken)
+    without = [sample for sample in drive.samples() if sample.read is None]
+    assert len(without) > 50
+    log = identification_log(drive)
+    assert len(log.t) > 280
+    check_straight(log)
+
+
+def test_single_missing_measurements_end_no_stretch_but_two_do():
+    taken = [0.1 * k for k in range(100) if k % 7 != 3 and k not in {80, 81}]
+    log = identification_log(sampled(10.0, 100, taken))
+    assert len(log.t) == pytest.approx(80, abs=1)
+    check_straight(log)
+
+
+@pytest.mark.parametrize("rate", [10.0, 20.0, 50.0])
+def test_rate_of_the_fixes_must_be_half_that_of_the_loop(rate):
+    drive = sampled(rate, 100, 0.1 * np.arange(100))
+    if rate < 50.0:
+        assert len(identification_log(drive).t) > 95
+        return
+    with pytest.raises(InvalidLog, match=r"10 pose fixes and 50 samples a second\): .*--rate"):
+        identification_log(drive)
+
+
+def test_fixes_that_cannot_be_used_are_ignored():
+    drive = sampled(10.0, 60, 0.1 * np.arange(60))
+    wild = [
+        PoseFix(5.31, Pose(nan, 0.0, 0.0), 1e-3, 1e-3),
+        PoseFix(inf, Pose(9.0, 9.0, 0.0), 1e-3, 1e-3),
+        PoseFix(5.42, Pose(9.0, 9.0, 0.0), 1e-3, inf),
+    ]
+    samples = [
+        sample._replace(read=sample.read._replace(fixes=(*sample.read.fixes, *wild)))
+        for sample in drive.samples()
+    ]
+    check_straight(identification_log(Drive(10.0, samples)))
+
+
 def test_log_without_fixes_or_with_torques_is_refused(tmp_path):
     write_log(tmp_path / "a.mcap", 0.5, silent=(0.01, 9e9))
-    logged = read_log(tmp_path / "a.mcap")
     with pytest.raises(InvalidLog, match=r"no samples with commands and measured poses .*--rate"):
-        identification_log(logged)
-
-    fix = PoseFix(0.0, Pose(0.0, 0.0, 0.0), 1e-3, 1e-3)
-    still = SensorReadings(0.0, fixes=(fix,))
-    torques = [
-        sample._replace(read=still, sent=WheelTorques([0.0] * 4)) for sample in logged.samples()
-    ]
+        identification_log(read_log(tmp_path / "a.mcap"))
+    drive = sampled(10.0, 60, 0.1 * np.arange(60), sent=WheelTorques([0.0] * 4))
     with pytest.raises(InvalidLog, match="commands wheel torques"):
-        _robot_log(torques, NOMINAL, DT)
+        identification_log(drive)

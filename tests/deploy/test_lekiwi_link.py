@@ -12,14 +12,17 @@ from hypothesis import strategies as st
 
 pytest.importorskip("zmq")
 
+import zmq
+
 from omnidrive import FeedforwardController, Pose, named_robot
 from omnidrive.control import Pipeline, WheelSpeeds, WheelTorques
 from omnidrive.control.controller import STOP
-from omnidrive.deploy.clock import MonotonicClock
+from omnidrive.deploy.clock import MonotonicClock, SimulatedClock
 from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.drive import drive
 from omnidrive.deploy.drive_state import DriveState
 from omnidrive.deploy.links.lekiwi import (
+    _PATIENCE,
     MAX_WHEEL_SPEED,
     WATCHDOG,
     LeKiwiLink,
@@ -31,7 +34,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.estimation import EstimatorSettings, PoseEstimator, SensorSettings
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Hold
-from tests.deploy.lekiwi_host import ARM, LeKiwiHost, body_velocity, wheel_steps
+from tests.deploy.lekiwi_host import ARM, EndlessHost, LeKiwiHost, body_velocity, wheel_steps
 
 ROBOT = named_robot("lekiwi")
 STATE = {**ARM, "x.vel": 0.1, "y.vel": -0.05, "theta.vel": 20.0}
@@ -272,7 +275,7 @@ def test_hostile_host_is_survived_and_counted():
 
 @pytest.mark.parametrize("further", [20 * [b"x"], 6 * [900_000 * b"x"]])
 def test_message_of_too_many_parts_or_bytes_is_refused(further):
-    """Its parts are discarded one by one."""
+    """The connection is replaced, with what it holds."""
     with LeKiwiHost(rate=100.0) as host:
         link = opened(host)
         begin = link.damaged
@@ -281,6 +284,23 @@ def test_message_of_too_many_parts_or_bytes_is_refused(further):
         host.change = lambda usual: usual
         until(lambda: link.read() is not None, 20.0)
         link.close()
+
+
+def test_message_without_end_ends_the_connection():
+    """ZeroMQ keeps all parts of a message until its last one."""
+    with EndlessHost() as host:
+        clock = SimulatedClock()
+        link = LeKiwiLink(ROBOT, "127.0.0.1", 1, host.port)
+        link._zmq, link._context, link._clock = zmq, zmq.Context(), clock
+        link._connect_observations()
+        until(lambda: link.read() is None and host.connections == 1, 20.0)
+        time.sleep(0.2)
+        assert link.read() is None
+        assert host.closed == 0
+        clock.time += 1.1 * _PATIENCE
+        assert link.read() is None
+        until(lambda: host.closed == 1 and host.connections == 2, 20.0)
+        link._disconnect()
 
 
 def test_part_that_is_too_large_ends_the_connection():

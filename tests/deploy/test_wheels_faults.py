@@ -33,8 +33,8 @@ from tests.deploy.board import SerialBoard, UdpBoard
 
 ROBOT = named_robot("small")
 WHEELS = len(ROBOT.mounts)
-DT, COUNTS, WATCHDOG = 0.02, 100_000, 0.3
-BEGIN, END, ARMED, DURATION = 0.3, 1.2, 2.0, 2.5  # s
+DT, COUNTS, WATCHDOG = 0.04, 100_000, 0.3
+BEGIN, END, ARMED, DURATION = 0.32, 1.2, 2.0, 2.52  # s, multiples of DT
 GOAL = Pose(0.4, 0.2, 0.0)
 
 
@@ -75,7 +75,7 @@ class Board:
         pass
 
 
-LONGEST = 30.0  # s
+LONGEST = 6.0  # s
 
 
 def driven(monkeypatch, spoil, goal=GOAL, duration=DURATION):
@@ -147,9 +147,12 @@ def states(result):
     return [change.state for change in result.changes]
 
 
-def restarted(t, report, offset=BEGIN):
-    """A report of a board that restarted at BEGIN: number, stamp and counts begin at zero."""
-    number, stamp = round((t - offset) / DT), round(1e6 * (t - offset))
+RESTART = 0.8  # s
+
+
+def restarted(t, report):
+    """A report of a board that restarted: number, stamp and counts begin at zero."""
+    number, stamp = round((t - RESTART) / DT), round(1e6 * (t - RESTART))
     return report._replace(sequence=number, stamp=stamp)
 
 
@@ -162,7 +165,7 @@ def test_a_board_that_restarts_holds_the_robot(monkeypatch, first):
     at_restart = []
 
     def spoil(board, t, report):
-        if t < BEGIN:
+        if t < RESTART:
             return report_line(report._replace(sequence=first + report.sequence))
         if not at_restart:
             at_restart.append(report.counts)
@@ -172,7 +175,7 @@ def test_a_board_that_restarts_holds_the_robot(monkeypatch, first):
     result, board = driven(monkeypatch, spoil)
     t, reason = rest(result)
     assert "begin anew" in reason or "the motor board reports that wheel" in reason
-    assert t <= BEGIN + MAX_AGE + 3.0 * DT
+    assert t <= RESTART + MAX_AGE + 3.0 * DT
     assert result.finished, result.changes
     assert states(result).count(DriveState.RUNNING) == 2
     # what the wheels turned between the restart and the hold is not known
@@ -180,9 +183,14 @@ def test_a_board_that_restarts_holds_the_robot(monkeypatch, first):
 
 
 @pytest.mark.parametrize(
-    "change", [{"counts": COUNTS // 2}, {"wheels": 3}, {"version": 2}, {"watchdog": 5.0}]
+    ("change", "again"),
+    [
+        ({"counts": COUNTS // 2}, False),
+        ({"wheels": 3}, True),
+        ({"version": 2}, False),
+        ({"watchdog": 5.0}, True),
+    ],
 )
-@pytest.mark.parametrize("again", [False, True])
 def test_another_greeting_in_mid_drive_holds_the_robot(monkeypatch, change, again):
     """An armed robot goes on only when the board greets as at first."""
     first = Hello(1, WHEELS, COUNTS, WATCHDOG)
@@ -232,14 +240,15 @@ def test_false_counts_hold_the_robot_until_they_follow_one_another(monkeypatch, 
     t, reason = rest(result)
     assert "s: the motor board reports that wheel " in reason
     assert reason.endswith(" s, more than 1.5 times its largest speed")
-    assert t == pytest.approx(BEGIN + MAX_AGE, abs=6.0 * DT)
     assert result.finished, result.changes
-    if kind == "near":  # one of them may be where a wheel can have turned to
+    if kind == "near":  # some of them may be where the wheels can have turned to
+        assert BEGIN + MAX_AGE - DT < t < BEGIN + 1.0 + MAX_AGE
         return
+    assert t == pytest.approx(BEGIN + MAX_AGE, abs=6.0 * DT)
     assert ROBOT.chassis.twist(board.angles)[:2] == pytest.approx(GOAL[:2], abs=0.01)
 
 
-@pytest.mark.parametrize("wheel", range(WHEELS))
+@pytest.mark.parametrize("wheel", [0, WHEELS - 1])
 def test_a_count_that_is_stuck_holds_the_robot(monkeypatch, wheel):
     def spoil(_board, t, report):
         counts = list(report.counts)
@@ -252,14 +261,23 @@ def test_a_count_that_is_stuck_holds_the_robot(monkeypatch, wheel):
     assert t <= STUCK_TIME + MAX_AGE + 0.2
 
 
-def test_random_lines_never_end_a_drive_by_an_error(monkeypatch):
-    """Lines with right checksums and any fields, floods, pieces of lines and noise."""
-    for seed in range(12):
+def check_random_lines(monkeypatch, seeds):
+    for seed in seeds:
         rng = random.Random(seed)
         result, board = driven(monkeypatch, noise(rng))
         assert states(result)[-1] is DriveState.STOPPED
         assert np.isfinite(board.angles).all(), seed
         assert np.abs(board.angles).max() < 2.0 * ROBOT.max_wheel_speed * LONGEST
+
+
+def test_random_lines_never_end_a_drive_by_an_error(monkeypatch):
+    """Lines with right checksums and any fields, floods, pieces of lines and noise."""
+    check_random_lines(monkeypatch, range(3))
+
+
+@pytest.mark.long
+def test_many_random_lines_never_end_a_drive_by_an_error(monkeypatch):
+    check_random_lines(monkeypatch, range(100))
 
 
 def noise(rng):

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
+import yaml
 from PIL import Image
 
 from omnidrive.fuzzy import (
@@ -43,7 +41,18 @@ from omnidrive.reference.waypoints import save_waypoints
 from omnidrive.robot import load_robot, named_robot, save_robot
 from omnidrive.robot.imports import import_robot
 from omnidrive.simulation.identification import identify_robot, read_log
-from omnidrive.study import load_scenario, paper_scenario, save_scenario
+from omnidrive.study import (
+    StudyDefinition,
+    load_definition,
+    load_scenario,
+    paper_scenario,
+    save_definition,
+    save_scenario,
+)
+from omnidrive.study.controller_file import load_controller
+from omnidrive.study.store import Store
+from omnidrive.study.stored_study import read_study
+from omnidrive.tuning import load_tuning
 from tests.robot.descriptions import (
     MECANUM_CONTROLLER,
     MJCF,
@@ -51,6 +60,10 @@ from tests.robot.descriptions import (
     mecanum_urdf,
     omni_urdf,
 )
+from tests.robustness.deployment_readers import deployment_readers
+from tests.robustness.reader import Reader
+from tests.study.small import small_scenario
+from tests.study.synthetic import SyntheticPlan, record
 
 MOVINGAI = b"type octile\nheight 3\nwidth 4\nmap\n.@G.\nSTO.\n....\n"
 SCEN = b"version 1\n0\tm.map\t4\t3\t0\t0\t3\t2\t4.24264069\n1\tm.map\t4\t3\t3\t2\t0\t1\t3.41\n"
@@ -58,34 +71,14 @@ CSV = b"food,service\n1,2\n3.5,4e-1\n10,0\n"
 OLD_SCENARIO = Path(__file__).parents[1] / "study" / "data" / "scenario-0.1.0.yaml"
 
 
-class Reader(NamedTuple):
-    """A reader of one format.
-
-    Attributes:
-        file: Name of the file that is mutated.
-        valid: Valid contents of it.
-        read: Reads the file at a path; raises an error of the package if it is not valid.
-        others: Further files in its folder, by name.
-    """
-
-    file: str
-    valid: tuple[bytes, ...]
-    read: Callable[[Path], object]
-    others: Mapping[str, bytes] = MappingProxyType({})
-
-    def write(self, folder: Path, content: bytes) -> Path:
-        """Write the file and the further ones into a folder; return the path of the file."""
-        for name, each in (*self.others.items(), (self.file, content)):
-            (folder / name).write_bytes(each)
-        return folder / self.file
-
-
 @cache
 def readers() -> dict[str, Reader]:
     """Return the readers by name."""
     with TemporaryDirectory() as name:
         folder = Path(name)
-        parts = (_maps, _fuzzy, _waypoints, _logs, _robots, _scenarios)
+        parts = (
+            _maps, _fuzzy, _waypoints, _logs, _robots, _scenarios, _studies, deployment_readers,
+        )  # fmt: skip
         return {name: reader for part in parts for name, reader in part(folder).items()}
 
 
@@ -292,3 +285,59 @@ def _scenario(path):
         warnings.simplefilter("ignore", FutureWarning)
         scenario = load_scenario(path, allow_code=False)
     save_scenario(scenario, path.with_name("again.yaml"))
+
+
+STUDY = b"""format: omnidrive-study-1
+name: lengths
+question: Does it last longer?
+scenario: paper
+set: {plant: kinematic, controllers: [fuzzy_t1, pid]}
+axes:
+  tasks.track.durations: [[20.0], [40.0]]
+random:
+  method: sobol
+  factors: {robot.friction: {low: 0.4, high: 0.9}}
+repetitions: 4
+"""
+CONTROLLER = b"format: omnidrive-controller-1\ntype: pid\n"
+
+
+def _store(path):
+    read_study(path.parent)
+    with Store(path.parent, read_only=True) as store:
+        store.status()
+        store.logs()
+
+
+def _studies(folder):
+    sets = {"study.yaml": 1, "training.yaml": 1, "held-out.yaml": 2}
+    files = {}
+    for name, seed in sets.items():
+        definition = StudyDefinition.from_scenario(small_scenario(seed=seed))
+        save_definition(definition, folder / name)
+        files[name] = (folder / name).read_bytes()
+    tuning = {"format": "omnidrive-tuning-1", "controller": "fuzzy_t1", "objectives": ["me"],
+              "limits": ["max_error<=300mm"], "ranges": {}, "trials": 9}  # fmt: skip
+    with Store(folder) as store:
+        store.begin("{}")
+        store.note("until", "width 0.1")
+        plan = SyntheticPlan(4)
+        store.add([record(plan[number]) for number in range(4)], [None, "log", None, None])
+    database = store.path.read_bytes()
+    del sets["study.yaml"]
+    return {
+        "study": Reader("s.yaml", (files["study.yaml"], STUDY), load_definition),
+        "controller": Reader("c.yaml", (CONTROLLER,), load_controller),
+        "tuning": Reader(
+            "tuning.yaml",
+            (yaml.safe_dump(tuning).encode(),),
+            lambda path: load_tuning(path.parent),
+            {name: files[name] for name in sets},
+        ),
+        "store": Reader(
+            store.path.name,
+            (database,),
+            _store,
+            {"study.yaml": files["study.yaml"]},
+        ),
+    }

@@ -1,9 +1,12 @@
 """Every reader answers a mutated file by a result or a short error, soon and in little memory."""
 
+import ast
 import gc
 import os
 import random
+import re
 import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
@@ -13,6 +16,7 @@ import pytest
 
 from omnidrive.errors import OmnidriveError
 from tests.robustness.attack import (
+    ROOT,
     _line,
     attack,
     mutated_input,
@@ -22,17 +26,60 @@ from tests.robustness.attack import (
 )
 from tests.robustness.readers import readers
 
-COUNT = int(os.environ.get("OMNIDRIVE_MUTATIONS", "200000"))
-"""Number of mutated files of the long test."""
+COUNT = int(os.environ.get("OMNIDRIVE_MUTATIONS", "10000"))
+"""Number of mutated files per reader of the long test."""
 
 
 def test_mutated_files_are_read_or_refused():
     seed, reached = 20261123, set()
     assert len(list(read_valid())) > len(readers())
-    for outcome in read_mutated(seed, range(4 * len(readers()))):
+    for outcome in read_mutated(seed, range(2 * len(readers()))):
         assert not outcome.fault, f"seed {seed}, {outcome}"
         reached.add(outcome.accepted)
     assert reached == {False, True}
+
+
+READER = re.compile(r"(load|read|parse|decode|import)_[a-z0-9_]+")
+NO_READERS = {
+    "omnidrive.cli.fuzzy_actions.parse_choices": "options of the command line",
+    "omnidrive.cli.main.load_verb": "a module",
+    "omnidrive.cli.options.parse_coordinates": "options of the command line",
+    "omnidrive.cli.options.parse_waypoint": "options of the command line",
+    "omnidrive.components.code.import_code": "code, which is not read without permission",
+    "omnidrive.components.specification.parse_specification": "options of the command line",
+    "omnidrive.evaluation.page.writer.read_parts": "files of the package",
+    "omnidrive.simulation.disturbances.fault_text.parse_fault": "options of the command line",
+}
+"""Functions with the name of a reader that read no file and no message."""
+
+
+def reader_functions():
+    """Return the functions of the package whose name is that of a reader, with their modules."""
+    found = set()
+    for path in (ROOT / "src" / "omnidrive").rglob("*.py"):
+        module = ".".join(path.relative_to(ROOT / "src").with_suffix("").parts)
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.FunctionDef) and READER.fullmatch(node.name):
+                found.add(f"{module}.{node.name}")
+    return found
+
+
+def test_no_reader_is_missing():
+    """Valid files and messages reach every function that reads one."""
+    called = set()
+
+    def note(frame, event, _):
+        if event == "call":
+            called.add(f"{frame.f_globals.get('__name__')}.{frame.f_code.co_name}")
+
+    found = reader_functions()
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        assert len(list(read_valid())) > len(readers())
+    finally:
+        sys.setprofile(before)
+    assert found - called == NO_READERS.keys()
 
 
 def test_pipes_are_refused_at_once(tmp_path):
@@ -43,7 +90,10 @@ def test_pipes_are_refused_at_once(tmp_path):
         pipe = reader.write(folder, b"")
         pipe.unlink()
         os.mkfifo(pipe)
-        with pytest.raises(OmnidriveError, match="it is not a file but a pipe; save its content"):
+        with pytest.raises(
+            OmnidriveError,
+            match=r"is not a file but a pipe; save its|no file runs",
+        ):
             reader.read(pipe)
 
 
@@ -51,11 +101,11 @@ def test_pipes_are_refused_at_once(tmp_path):
 def test_many_mutated_files_are_read_or_refused():
     """In processes with limited memory, which are killed if they hang."""
     seed, outcomes = random.randrange(2**32), []
-    half = COUNT // 2
+    count = COUNT * len(readers())
     with ThreadPoolExecutor(2) as pool:
-        parts = (range(half), range(half, COUNT))
+        parts = (range(count // 2), range(count // 2, count))
         list(pool.map(lambda part: attack(seed, part, outcomes.append), parts))
-    assert len(outcomes) == COUNT
+    assert len(outcomes) == count
     faults = [outcome for outcome in outcomes if outcome.fault]
     slowest, largest = (max(getattr(o, key) for o in outcomes) for key in ("seconds", "growth"))
     print(f"seed {seed}: at most {slowest:.2f} s and {largest / 1e6:.0f} MB per file")

@@ -79,18 +79,22 @@ def plan(
         _solve(shared, scen, json)
         return
     study.check_plan_targets(out, png)
+    with announce_compiling():
+        planned = _planned(shared)
+    _report(planned, out, png, json)
+
+
+def _planned(shared: ScenarioOptions) -> study.PlannedScenario:
+    """Plan the path, and its timing unless the scenario has one."""
     is_timed_here = (
         shared.speed is not None
         or shared.map_file is not None
         or shared.defines_motion
         or shared.timing in {"limits", "minimum-time"}
     )
-    with announce_compiling():
-        if is_timed_here and shared.duration is None:
-            planned = study.plan_at(shared.resolve(retimed=False), shared.speed)
-        else:
-            planned = study.plan_and_check(shared.resolve())
-    _report(planned, out, png, json)
+    if is_timed_here and shared.duration is None:
+        return study.plan_at(shared.resolve(retimed=False), shared.speed)
+    return study.plan_and_check(shared.resolve())
 
 
 def _report(planned: study.PlannedScenario, out: Path | None, png: Path | None, json: bool) -> None:

@@ -59,19 +59,8 @@ def solve_queries(
             expansions, seconds = expansions + found.expansions, seconds + found.seconds
         allowed = query.rounding + _SINGLE_PRECISION * max(1.0, query.length)
         if length is None or abs(length - query.length) > allowed:
-            differing.append(
-                {
-                    "query": number,
-                    "line": query.line,
-                    "start": list(query.start),
-                    "goal": list(query.goal),
-                    "start_in_file": list(file_cell(grid, *query.start)),
-                    "goal_in_file": list(file_cell(grid, *query.goal)),
-                    "length_in_file": query.length,
-                    "length": length,
-                    "why": why,
-                }
-            )
+            facts = _facts(grid, query)
+            differing.append({"query": number, **facts, "length": length, "why": why})
     return {
         "search": method,
         "queries": len(queries),
@@ -79,6 +68,18 @@ def solve_queries(
         "differing": differing,
         "expansions": expansions,
         "seconds": seconds,
+    }
+
+
+def _facts(grid: OccupancyGrid, query: Query) -> dict[str, Any]:
+    """Return what the file says of a query, with cells of the grid and of the file."""
+    return {
+        "line": query.line,
+        "start": list(query.start),
+        "goal": list(query.goal),
+        "start_in_file": list(file_cell(grid, *query.start)),
+        "goal_in_file": list(file_cell(grid, *query.goal)),
+        "length_in_file": query.length,
     }
 
 

@@ -9,6 +9,7 @@ import pytest
 from omnidrive.deploy.ros2 import Node, Qos, encode, message_type, type_hash
 from omnidrive.deploy.ros2.dds import LATCHED_QOS, SENSOR_QOS
 from omnidrive.deploy.ros2.names import dds_topic, dds_type_name, resolve, ros_topic, ros_type_name
+from omnidrive.deploy.ros2.node import _ANNOUNCEMENTS
 from omnidrive.errors import InvalidInput, InvalidMessage
 from tests.deploy.ros2.peer_process import new_domain, running_peer
 
@@ -196,3 +197,19 @@ def test_without_the_package_the_extra_is_named():
 def test_an_unknown_peer_is_refused(peer):
     with pytest.raises(InvalidInput, match="is an unknown host"):
         Node("robot", domain=new_domain(), peers=[peer])
+
+
+def test_announcements_that_nobody_reads_are_bounded():
+    """During a drive nothing looks at the graph; another node announces itself again and again."""
+    domain = new_domain()
+    with (
+        Node("quiet", domain=domain, peers=["localhost"], distribution="jazzy") as quiet,
+        Node("loud", domain=domain, peers=["localhost"], distribution="jazzy") as loud,
+    ):
+        assert quiet.wait_for(lambda: quiet._infos.matched >= 2, 20.0)
+        for _ in range(_ANNOUNCEMENTS + 100):
+            loud._announce()
+        assert quiet.wait_for(lambda: "/loud" in str(quiet.graph()), 20.0)
+        for _ in range(_ANNOUNCEMENTS + 100):
+            loud._announce()
+        assert len(quiet._infos.take_raw(3 * _ANNOUNCEMENTS)) <= _ANNOUNCEMENTS

@@ -40,6 +40,9 @@ _MAX_FRAME = 1_000_000  # bytes of one part of a message; an image has about 100
 _MAX_PARTS = 16  # of a message: the observation, and an image of each camera
 _MAX_BYTES = 4_000_000  # of a message
 _MAX_WAITING = 32  # observations that wait until they are read
+_PATIENCE = 1.0
+"""Time without a whole message after which the connection is replaced, s: ZeroMQ keeps the parts of
+a message until its last one, however many there are."""
 _CONNECT_TIME = 5.0  # s, as LeRobot's client
 _PING_PERIOD, _PING_TIMEOUT = 100, 500  # ms
 _LAST_COMMAND = 0.1  # s; three periods of the host
@@ -134,6 +137,8 @@ class LeKiwiLink:
     """Angle of each wheel since the first observation, rad."""
     _is_damaged: bool = field(default=False, init=False)
     """Whether the last message was no usable observation."""
+    _heard: float = field(default=0.0, init=False)
+    """Arrival of the last whole message, or begin of the connection, s."""
     _stamp: float | None = field(default=None, init=False)
     """Arrival of the last observation, s."""
 
@@ -182,23 +187,34 @@ class LeKiwiLink:
         zmq = self._zmq
         self._context = zmq.Context()
         self._commands = self._context.socket(zmq.PUSH)
-        self._observations = self._context.socket(zmq.PULL)
         self._commands.setsockopt(zmq.CONFLATE, 1)
         self._commands.setsockopt(zmq.IMMEDIATE, 1)
+        self._connect_to(self._commands, self.command_port)
+        self._connect_observations()
+
+    def _connect_observations(self) -> None:
+        """Open the socket of the observations; one that is open is closed, with what it holds."""
+        zmq = self._zmq
+        if self._observations is not None:
+            self._observations.close()
+        self._observations = self._context.socket(zmq.PULL)
         # newer hosts send images as further parts, which CONFLATE would tear apart
         self._observations.setsockopt(zmq.RCVHWM, _MAX_WAITING)
         self._observations.setsockopt(zmq.MAXMSGSIZE, _MAX_FRAME)
-        ports = ((self._commands, self.command_port), (self._observations, self.observation_port))
-        for socket, port in ports:
-            socket.setsockopt(zmq.LINGER, 0)
-            # a connection without answers is closed, with the commands that wait in it
-            socket.setsockopt(zmq.HEARTBEAT_IVL, _PING_PERIOD)
-            socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, _PING_TIMEOUT)
-            socket.setsockopt(zmq.RECONNECT_IVL, _PING_PERIOD)
-            try:
-                socket.connect(f"tcp://{self.host}:{port}")
-            except zmq.ZMQError as error:
-                raise LinkLost(f"tcp://{self.host}:{port}: {error.strerror}") from None
+        self._connect_to(self._observations, self.observation_port)
+        self._heard = self._clock.now()
+
+    def _connect_to(self, socket: Any, port: int) -> None:
+        zmq = self._zmq
+        socket.setsockopt(zmq.LINGER, 0)
+        # a connection without answers is closed, with the commands that wait in it
+        socket.setsockopt(zmq.HEARTBEAT_IVL, _PING_PERIOD)
+        socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, _PING_TIMEOUT)
+        socket.setsockopt(zmq.RECONNECT_IVL, _PING_PERIOD)
+        try:
+            socket.connect(f"tcp://{self.host}:{port}")
+        except zmq.ZMQError as error:
+            raise LinkLost(f"tcp://{self.host}:{port}: {error.strerror}") from None
 
     def _wait(self, clock: Clock) -> None:
         """Wait for an observation with the positions of the arm."""
@@ -248,6 +264,12 @@ class LeKiwiLink:
                 break
             except zmq.ZMQError as error:
                 raise LinkLost(f"{self.host}: {error.strerror}") from None
+            if not newest:
+                break
+        if newest:
+            self._heard = self._clock.now()
+        elif newest is not None or self._clock.now() - self._heard > _PATIENCE:
+            self._connect_observations()
         if newest is None:
             return None
         found = parse_observation(newest)
@@ -258,7 +280,7 @@ class LeKiwiLink:
     def _message(self) -> bytes:
         """Return the first part of the next message; empty if the message is too large.
 
-        Each further part is discarded before the next one is read.
+        The rest of such a message is not read: the connection has to be replaced.
 
         Raises:
             zmq.Again: None has arrived.
@@ -270,7 +292,9 @@ class LeKiwiLink:
         while frame.more:
             frame = socket.recv(zmq.NOBLOCK, copy=False)
             parts, size = parts + 1, size + len(frame)
-        return first if parts <= _MAX_PARTS and size <= _MAX_BYTES else b""
+            if parts > _MAX_PARTS or size > _MAX_BYTES:
+                return b""
+        return first
 
     def send(self, value: CommandValue) -> None:
         """Send a twist of the host; without a connection it is dropped.

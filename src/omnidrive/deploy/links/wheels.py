@@ -68,11 +68,11 @@ class _Lines:
         self._rest = b""
 
     def split(self, data: bytes) -> list[bytes]:
-        """Return the lines that are complete with ``data``; too long ones are discarded."""
+        """Return the lines that are complete with ``data``, but no empty or too long ones."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > MAX_LINE:
             self._rest = b""
-        return lines
+        return [line for line in lines if line.strip()]
 
 
 @dataclass(slots=True)
@@ -232,7 +232,7 @@ class WheelsLink:
                 self._counts.greet(said, now)
             elif isinstance(said, Report) and self._counts is not None:
                 found |= self._counts.take(said, now)
-            elif said is None and line.strip():
+            elif said is None:
                 self.damaged += 1
         return found
 

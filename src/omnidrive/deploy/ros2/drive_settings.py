@@ -227,7 +227,7 @@ def _pose(text: str | None) -> Pose | None:
     return Pose(x, y, yaw)
 
 
-def _specification(data: Mapping[str, Any], name: str) -> str:
+def _specification(data: Mapping[Any, Any], name: str) -> str:
     """Return a mapping as ``NAME,KEY=VALUE``."""
     if not isinstance(data.get("type"), str):
         raise InvalidInput(f"{name}: controller has no type, such as holonomic-nmpc")
@@ -236,7 +236,7 @@ def _specification(data: Mapping[str, Any], name: str) -> str:
         if key == "type":
             continue
         if isinstance(value, dict | list):
-            raise InvalidInput(f"{name}: controller.{key} must be one value")
+            raise InvalidInput(f"{name}: controller.{one_line(str(key), 60)} must be one value")
         text = str(value).lower() if isinstance(value, bool) else f"{value}"
         parts.append(f"{key}={text}")
     return ",".join(parts)

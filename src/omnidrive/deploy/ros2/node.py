@@ -32,6 +32,9 @@ _ENTITIES = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 _DISCOVERY_QOS = Qos(transient_local=True, depth=1)
 _DETECTION_TIME = 1.0
 """Time for which a node waits for others to learn their distribution, s."""
+_ANNOUNCEMENTS = 1024
+"""Greatest number of announcements of other nodes that are kept until they are read: they have no
+key, so that the depth holds for all processes together."""
 _MOST = 4096
 """Greatest number of samples that are read at once."""
 
@@ -190,7 +193,7 @@ class Node:
         self.distribution: Distribution = distribution or self._detect()
         self._info = self._publisher(_DISCOVERY_TOPIC, _ENTITIES, _DISCOVERY_QOS, b"")
         self._infos = self._subscription(
-            _DISCOVERY_TOPIC, _ENTITIES, _DISCOVERY_QOS._replace(depth=0), b""
+            _DISCOVERY_TOPIC, _ENTITIES, _DISCOVERY_QOS._replace(depth=_ANNOUNCEMENTS), b""
         )
         self._announce()
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from omnidrive.files.position import Position
 from omnidrive.fuzzy.files.fcl.lexer import TERMS, Token, TokenStream
 from omnidrive.fuzzy.files.fcl.linear_form import LinearForm, linear_form
-from omnidrive.fuzzy.files.fll.semantics import TERM_CLASSES
+from omnidrive.fuzzy.files.fll.term_semantics import TERM_CLASSES
 from omnidrive.fuzzy.membership import MAX_POINTS
 from omnidrive.fuzzy.position import LocatedText, malformed
 

@@ -17,7 +17,7 @@ from omnidrive.fuzzy.files.fcl.term_parser import (
     SingletonsEntry,
     TermEntry,
 )
-from omnidrive.fuzzy.files.fll.semantics import read_term
+from omnidrive.fuzzy.files.fll.term_semantics import read_term
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.position import malformed
 from omnidrive.fuzzy.variables import FuzzySet, InputVariable, LinearFunction

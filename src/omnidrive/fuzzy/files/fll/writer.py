@@ -11,8 +11,8 @@ from omnidrive.fuzzy.files.fll.semantics import (
     DEFUZZIFIERS,
     DISJUNCTIONS,
     IMPLICATIONS,
-    TERMS,
 )
+from omnidrive.fuzzy.files.fll.term_semantics import TERMS
 from omnidrive.fuzzy.files.writer_checks import (
     check_consequents,
     check_identifiers,
