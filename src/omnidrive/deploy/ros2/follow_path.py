@@ -17,6 +17,7 @@ from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.drive import DriveResult
 from omnidrive.deploy.ros2.dds import LATCHED_QOS
 from omnidrive.deploy.ros2.message import Message, message_type
+from omnidrive.deploy.ros2.path_feedback import fill_feedback
 from omnidrive.deploy.ros2.path_follower import PathFollower
 from omnidrive.deploy.ros2.path_reference import is_same_ahead, path_poses
 from omnidrive.deploy.ros2.ros_time import stamp
@@ -296,7 +297,7 @@ class FollowPathServer:
         fields = {each.name for each in response.result.interface.fields}
         if "error_code" in fields:  # from Iron on
             response.result.error_code = goal.error_code
-        if "error_msg" in fields:  # from Kilted on
+        if "error_msg" in fields:  # from Jazzy on
             response.result.error_msg = goal.message
         return response
 
@@ -330,7 +331,10 @@ class FollowPathServer:
         self._fed = now
         message = self._feedback.message()
         message.goal_id.uuid = list(goal.identity)
-        x, y, _ = goal.poses[-1].tolist()
-        message.feedback.distance_to_goal = hypot(x - pose.x, y - pose.y)
-        message.feedback.speed = hypot(*self._follower.link.sent[:2])
+        head = message_type("std_msgs/msg/Header", self._node.distribution)(
+            stamp(self._follower.link.ros_clock.now() or 0.0, self._node.distribution),
+            poses.frames.world,
+        )
+        speed = hypot(*self._follower.link.sent[:2])
+        fill_feedback(message.feedback, goal.poses, pose, speed, head)
         self._feedback.publish(message)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any, NamedTuple, cast, get_args
 
@@ -24,6 +24,7 @@ from omnidrive.deploy.ros2.graph import Endpoint, Graph, Participant
 from omnidrive.deploy.ros2.interface import LATEST, Distribution
 from omnidrive.deploy.ros2.message import Message, message_type
 from omnidrive.deploy.ros2.names import dds_topic, resolve, ros_topic, ros_type_name
+from omnidrive.deploy.ros2.type_hash import distribution_of
 from omnidrive.errors import InvalidMessage
 from omnidrive.parameter import check_choice
 
@@ -32,6 +33,8 @@ _ENTITIES = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 _DISCOVERY_QOS = Qos(transient_local=True, depth=1)
 _DETECTION_TIME = 1.0
 """Time for which a node waits for others to learn their distribution, s."""
+_SETTLING_TIME = 0.1
+"""Time for which further endpoints are waited for after the first one, s."""
 _MOST = 4096
 """Greatest number of samples that are read at once."""
 
@@ -140,8 +143,8 @@ class Node:
         domain: Number of the domain; None: ROS_DOMAIN_ID, or 0.
         peers: Hosts that are asked by unicast, such as ``localhost``; by default multicast finds
             all hosts of the network.
-        distribution: Distribution of the other nodes; None: ROS_DISTRO, or that of the nodes that
-            are seen in the first second, or :data:`LATEST`.
+        distribution: Distribution of the other nodes; None: ROS_DISTRO, or that whose definitions
+            have the hashes which nodes announce in the first second, or :data:`LATEST`.
 
     Raises:
         InvalidInput: A name, the domain or the distribution is not valid.
@@ -360,21 +363,19 @@ class Node:
         named = os.environ.get("ROS_DISTRO", "")
         if named in get_args(Distribution):
             return cast(Distribution, named)
-        end = time.monotonic() + _DETECTION_TIME
-        while time.monotonic() < end:
-            hashes = self._hashes_of_others()
-            if hashes:
-                return LATEST if any(hashes) else "humble"
-            time.sleep(0.02)
-        return LATEST
+        if self.wait_for(self._hashes_of_others, _DETECTION_TIME):
+            time.sleep(_SETTLING_TIME)
+        return distribution_of(self._hashes_of_others()) or LATEST
 
-    def _hashes_of_others(self) -> list[str]:
-        """Return the hashes of the types of other nodes' topics, empty ones for Humble."""
-        samples: Iterable[Any] = self._views[1].read(_MOST, condition=self._alive[1])
+    def _hashes_of_others(self) -> list[tuple[str, str]]:
+        """Return the types of other nodes' topics with their hashes, empty ones for Humble."""
         return [
-            user_data(each.qos).get("typehash", "")
-            for each in samples
-            if each.participant_key.bytes != self.gid and ros_topic(each.topic_name)
+            (ros_type_name(each.type_name), user_data(each.qos).get("typehash", ""))
+            for view, alive in zip(self._views[1:], self._alive[1:], strict=True)
+            for each in view.read(_MOST, condition=alive)
+            if each.sample_info.valid_data
+            and each.participant_key.bytes != self.gid
+            and ros_topic(each.topic_name)
         ]
 
 
