@@ -38,6 +38,16 @@ _InitialPoseOption = Annotated[
     str | None,
     option("X,Y[,HEADING]", "Pose from which laser scans localise the robot, m, m, rad."),
 ]
+_PublishersOption = Annotated[
+    list[str] | None,
+    option(
+        "NODE",
+        "Node that may send commands besides the drive (repeatable); a command of another node "
+        "ends the drive.",
+        None,
+        "--allow-publisher",
+    ),
+]
 _LogsOption = Annotated[
     Path | None,
     option(
@@ -84,6 +94,7 @@ def drive(
     world_frame: Annotated[str | None, option("NAME", "Frame of paths and goals.")] = None,
     base_frame: Annotated[str | None, option("NAME", "Frame of the robot.")] = None,
     cmd_vel: Annotated[str | None, option("TOPIC", "Topic of commands.")] = None,
+    allow_publisher: _PublishersOption = None,
     odom: Annotated[str | None, option("TOPIC", "Topic of odometry.")] = None,
     plan: Annotated[str | None, option("TOPIC", "Topic of paths.")] = None,
     initial_pose: _InitialPoseOption = None,
@@ -119,7 +130,7 @@ def drive(
         params, node_name, allow_code,
         robot=robot, controller=controller, rate=rate, speed=speed, world_frame=world_frame,
         base_frame=base_frame, cmd_vel=cmd_vel, odom=odom, plan=plan, initial_pose=initial_pose,
-        use_sim_time=use_sim_time,
+        use_sim_time=use_sim_time, allowed_publishers=allow_publisher or None,
     )  # fmt: skip
     if serve and reference is not None:
         raise InvalidInput("--serve follows the paths of its goals: leave out --reference")

@@ -206,28 +206,6 @@ def test_a_jump_of_the_localisation_holds_the_robot():
     assert at_rest[0] < 0.02
 
 
-def test_another_publisher_of_commands_is_refused(world):
-    _, follower, user = world
-    user.publisher("/cmd_vel", "geometry_msgs/msg/Twist")
-    with pytest.raises(LinkLost, match="/user also commands /cmd_vel"):
-        follower.drive(circle(2.0))
-
-
-def test_another_publisher_during_a_drive_ends_it(world):
-    _, follower, user = world
-    made, calls = [], []
-
-    def intrude(_controls):
-        """Publish commands 2 s after the link is open: a publisher at its opening is refused."""
-        if follower.link._commands is not None and follower.link._robots():
-            calls.append(1)
-        if not made and len(calls) > 100:
-            made.append(user.publisher("/cmd_vel", "geometry_msgs/msg/Twist"))
-
-    result = follower.drive(circle(20.0), watch=intrude)
-    assert "/user also commands /cmd_vel" in result.ending
-
-
 def test_no_robot_is_an_error_that_names_the_domain():
     with Node("drive", **options(new_domain())) as node:
         link = Ros2Link(node, ROBOT, QUICK)

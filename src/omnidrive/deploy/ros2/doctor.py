@@ -252,7 +252,8 @@ def _commands(graph: Graph) -> Iterator[Finding]:
         yield Finding(
             "warning",
             f"{len(publishers)} publishers on {COMMANDS}: {names}",
-            "only one may command a robot: stop the others, or use a multiplexer such as twist_mux",
+            "idle ones do not disturb; of those that send, one may command a robot: stop the others, "
+            "or use a multiplexer such as twist_mux",
         )
     if not takers:
         yield Finding(

@@ -17,10 +17,9 @@ from omnidrive.deploy.ros2.dds import (
     domain_number,
     endpoint_data,
     join_domain,
-    ros_qos,
     user_data,
 )
-from omnidrive.deploy.ros2.graph import Endpoint, Graph, Participant
+from omnidrive.deploy.ros2.graph import Graph, Participant, discovered
 from omnidrive.deploy.ros2.interface import LATEST, Distribution
 from omnidrive.deploy.ros2.message import Message, message_type
 from omnidrive.deploy.ros2.names import dds_topic, resolve, ros_topic, ros_type_name
@@ -125,6 +124,11 @@ class Subscription:
         """Return the newest message that arrived since the last call; None: none arrived."""
         received = self.take()
         return received[-1].message if received else None
+
+    def publisher_gid(self, handle: int) -> bytes:
+        """Return the identity of a publisher by its handle; empty: it has left."""
+        found = self._reader.get_matched_publication_data(handle)
+        return found.key.bytes if found is not None else b""
 
     @property
     def matched(self) -> int:
@@ -263,7 +267,7 @@ class Node:
                 found
                 for endpoints, publishes in ((publications, True), (subscriptions, False))
                 for each in endpoints
-                if (found := _endpoint(each, publishes, owners)) is not None
+                if (found := discovered(each, publishes, owners)) is not None
             ),
         )
 
@@ -377,21 +381,3 @@ class Node:
             and each.participant_key.bytes != self.gid
             and ros_topic(each.topic_name)
         ]
-
-
-def _endpoint(sample: Any, publishes: bool, owners: dict[bytes, str]) -> Endpoint | None:
-    """Return a discovered endpoint; None if it is not of ROS 2."""
-    found = ros_topic(sample.topic_name)
-    if found is None:
-        return None
-    return Endpoint(
-        topic=found[0],
-        type=ros_type_name(sample.type_name),
-        node=owners.get(sample.key.bytes, ""),
-        publishes=publishes,
-        qos=ros_qos(sample.qos),
-        type_hash=user_data(sample.qos).get("typehash", ""),
-        gid=sample.key.bytes,
-        participant=sample.participant_key.bytes,
-        prefix=found[1],
-    )

@@ -11,6 +11,7 @@ from math import hypot, inf, isfinite, nan, sqrt
 from typing import Any
 
 from omnidrive.deploy.ros2.dds import LATCHED_QOS, SENSOR_QOS
+from omnidrive.deploy.ros2.names import resolve
 from omnidrive.deploy.ros2.node import Node, Subscription
 from omnidrive.deploy.ros2.planar_messages import (
     compose,
@@ -165,9 +166,10 @@ class PoseSource:
         wanted = {self.odometry_topic: "nav_msgs/msg/Odometry", "/tf": "tf2_msgs/msg/TFMessage"}
         seen = self.node.graph().topics()
         for topic, kind in wanted.items():
-            others = seen.get(topic, set()) - {kind}
+            name = resolve(topic, self.node.namespace, node=self.node.name)
+            others = seen.get(name, set()) - {kind}
             if others:
-                return f"{topic} is {', '.join(sorted(others))}, need {kind}"
+                return f"{name} is {', '.join(sorted(others))}, need {kind}"
         return ""
 
     def _is_localisation_lost(self) -> bool:
