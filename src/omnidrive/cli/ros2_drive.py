@@ -213,6 +213,7 @@ def _drive(
             speed=settings.speed,
             margin=settings.margin,
             logs=logs,
+            reports=reports,
         )
         if reference is not None:
             motion = _motion(reference, made, follower.current_pose())

@@ -90,16 +90,21 @@ def test_a_drive_follows_its_reference_and_reports_it(world):
     diagnostics = user.subscription("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
     plans = user.subscription("/local_plan", "nav_msgs/msg/Path")
     node = follower.link.node
-    follower.pipeline = pipeline(DriveReports(node, follower.link.ros_clock, "map"))
+    follower.reports = DriveReports(node, follower.link.ros_clock, "map")
+    follower.pipeline = pipeline(follower.reports)
     result = follower.drive(ShapeReference(Circle(radius=0.1), 1.5))
     assert result.finished, result.changes
     errors = np.hypot(*(result.run.pose - result.run.target)[:, :2].T)
     assert errors.mean() < 0.1
     assert hypot(*robot.state.pose[:2]) < 0.1
     assert user.wait_for(lambda: robot._command.vx == 0.0, 3.0)
-    (status,) = diagnostics.take()[0].message.status
-    assert status.name == "drive: tracking"
-    assert status.values[0].key == "position error (m)"
+    messages = [each.message for each in diagnostics.take()]
+    tracking, state = messages[0].status
+    assert tracking.name == "drive: tracking"
+    assert tracking.values[0].key == "position error (m)"
+    assert (state.level, state.name, state.message) == (0, "drive: drive", "driving")
+    (end,) = messages[-1].status
+    assert (end.level, end.message) == (0, result.ending)
     plan = plans.take()[0].message
     assert (plan.header.frame_id, len(plan.poses)) == ("map", 21)
 

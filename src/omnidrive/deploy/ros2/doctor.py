@@ -252,8 +252,8 @@ def _commands(graph: Graph) -> Iterator[Finding]:
         yield Finding(
             "warning",
             f"{len(publishers)} publishers on {COMMANDS}: {names}",
-            "idle ones do not disturb; of those that send, one may command a robot: stop the others, "
-            "or use a multiplexer such as twist_mux",
+            "idle ones do not disturb, but only one may send: stop the others, or use a "
+            "multiplexer such as twist_mux",
         )
     if not takers:
         yield Finding(
