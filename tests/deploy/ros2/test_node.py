@@ -49,6 +49,23 @@ def test_the_peer_sees_a_node_with_its_endpoints(meeting):
     ]
 
 
+DISCOVERY = "RIHS01_91a0593bacdcc50ea9bdcf849a938b128412cc1ea821245c663bcd26f83c295e"
+"""Hash of rmw_dds_common/msg/ParticipantEntitiesInfo that genuine nodes from Iron on announce."""
+
+
+def test_discovery_announces_its_type_hash_as_genuine_nodes_do(meeting):
+    """Without it a genuine process warns: Failed to parse type hash."""
+    distribution, node, peer, *_ = meeting
+    gid = node._info.gid.hex()
+    assert node.wait_for(lambda: gid in peer.report()["publications"], 5.0)
+    expected = "" if distribution == "humble" else f"typehash={DISCOVERY};"
+    assert peer.report()["publications"][gid] == [
+        "ros_discovery_info",
+        "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_",
+        expected,
+    ]
+
+
 def test_it_sees_the_peer_with_its_endpoints(meeting):
     distribution, node, *_ = meeting
     assert node.wait_for(

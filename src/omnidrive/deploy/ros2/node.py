@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -27,6 +28,7 @@ from omnidrive.deploy.ros2.type_hash import distribution_of
 from omnidrive.errors import InvalidMessage
 from omnidrive.parameter import check_choice
 
+_log = logging.getLogger("omnidrive")
 _DISCOVERY_TOPIC = "ros_discovery_info"
 _ENTITIES = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 _DISCOVERY_QOS = Qos(transient_local=True, depth=1)
@@ -108,7 +110,9 @@ class Subscription:
         for raw in self.take_raw(most):
             try:
                 message = decode(raw.data, self.type, self._distribution)
-            except InvalidMessage:
+            except InvalidMessage as error:
+                if not self.refused:
+                    _log.warning("%s: a message is refused: %s", self.topic, error)
                 self.refused += 1
                 continue
             info = raw.sample_info
@@ -195,9 +199,10 @@ class Node:
         self._topics: dict[str, Any] = {}
         self._held: list[Any] = []  # a writer that is collected leaves the domain
         self.distribution: Distribution = distribution or self._detect()
-        self._info = self._publisher(_DISCOVERY_TOPIC, _ENTITIES, _DISCOVERY_QOS, b"")
+        data = endpoint_data(_ENTITIES, self.distribution)
+        self._info = self._publisher(_DISCOVERY_TOPIC, _ENTITIES, _DISCOVERY_QOS, data)
         self._infos = self._subscription(
-            _DISCOVERY_TOPIC, _ENTITIES, _DISCOVERY_QOS._replace(depth=0), b""
+            _DISCOVERY_TOPIC, _ENTITIES, _DISCOVERY_QOS._replace(depth=0), data
         )
         self._announce()
 
