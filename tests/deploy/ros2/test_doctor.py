@@ -5,8 +5,8 @@ import threading
 import pytest
 
 from omnidrive.deploy.ros2 import Endpoint, Graph, Node, Participant, Qos, type_hash
-from omnidrive.deploy.ros2.dds import SENSOR_QOS
 from omnidrive.deploy.ros2.doctor import Examination, TopicTraffic, diagnose, examine
+from omnidrive.deploy.ros2.qos import SENSOR_QOS
 from tests.deploy.ros2.peer_process import new_domain, running_peer
 
 TWIST, ODOMETRY = "geometry_msgs/msg/Twist", "nav_msgs/msg/Odometry"

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from omnidrive.deploy.ros2 import Node, Qos, encode, message_type, type_hash
-from omnidrive.deploy.ros2.dds import LATCHED_QOS, SENSOR_QOS
 from omnidrive.deploy.ros2.names import dds_topic, dds_type_name, resolve, ros_topic, ros_type_name
+from omnidrive.deploy.ros2.qos import LATCHED_QOS
 from omnidrive.errors import InvalidInput, InvalidMessage
 from tests.deploy.ros2.peer_process import new_domain, running_peer
 
@@ -157,13 +157,6 @@ def test_a_publisher_that_leaves_leaves_no_message():
             assert len(paths.take()) == 1
         assert node.wait_for(lambda: not paths.matched, 5.0)
         assert paths.take() == []
-
-
-def test_qos_tells_which_pairs_do_not_match():
-    assert Qos().fault(Qos()) is None
-    assert SENSOR_QOS.fault(Qos()) is None
-    assert "best effort" in Qos().fault(SENSOR_QOS)
-    assert "volatile" in LATCHED_QOS.fault(Qos())
 
 
 def test_names_are_those_of_ros():

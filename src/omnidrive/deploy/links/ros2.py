@@ -13,11 +13,11 @@ from omnidrive.control.controller import STOP
 from omnidrive.deploy.clock import Clock
 from omnidrive.deploy.robot_link import LinkCapabilities, LinkLost
 from omnidrive.deploy.ros2.command_rivals import CommandRivals
-from omnidrive.deploy.ros2.dds import SENSOR_QOS
 from omnidrive.deploy.ros2.names import resolve
 from omnidrive.deploy.ros2.node import Node, Publisher, Subscription
 from omnidrive.deploy.ros2.planar_messages import set_twist
 from omnidrive.deploy.ros2.pose_source import PoseSource
+from omnidrive.deploy.ros2.qos import SENSOR_QOS
 from omnidrive.deploy.ros2.ros_time import RosClock, stamp
 from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation
 from omnidrive.deploy.ros2.transform_tree import Frames

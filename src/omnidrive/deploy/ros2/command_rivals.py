@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Collection
 
-from omnidrive.deploy.ros2.dds import SENSOR_QOS
 from omnidrive.deploy.ros2.graph import Endpoint, describe
 from omnidrive.deploy.ros2.node import Node, Publisher
+from omnidrive.deploy.ros2.qos import SENSOR_QOS
 from omnidrive.errors import one_line
 
 _DEPTH = 64

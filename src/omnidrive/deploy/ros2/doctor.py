@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Literal, NamedTuple
 
-from omnidrive.deploy.ros2.dds import SENSOR_QOS
 from omnidrive.deploy.ros2.graph import Endpoint, Graph, describe
 from omnidrive.deploy.ros2.interface import Distribution, interfaces
 from omnidrive.deploy.ros2.node import Node, Subscription
+from omnidrive.deploy.ros2.qos import SENSOR_QOS
 from omnidrive.deploy.ros2.ros_time import seconds
 from omnidrive.deploy.ros2.type_hash import distributions_with, type_hash
 

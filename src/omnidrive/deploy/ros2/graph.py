@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from omnidrive.deploy.ros2.dds import Qos, ros_qos, user_data
+from omnidrive.deploy.ros2.dds import cyclonedds, user_data
 from omnidrive.deploy.ros2.names import ros_topic, ros_type_name
+from omnidrive.deploy.ros2.qos import Qos, ros_qos
 
 
 class Endpoint(NamedTuple):
@@ -116,7 +117,7 @@ def discovered(sample: Any, publishes: bool, owners: dict[bytes, str]) -> Endpoi
         type=ros_type_name(sample.type_name),
         node=owners.get(sample.key.bytes, ""),
         publishes=publishes,
-        qos=ros_qos(sample.qos),
+        qos=ros_qos(sample.qos, cyclonedds("core").Policy),
         type_hash=user_data(sample.qos).get("typehash", ""),
         gid=sample.key.bytes,
         participant=sample.participant_key.bytes,

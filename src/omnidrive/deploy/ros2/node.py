@@ -11,7 +11,6 @@ from typing import Any, NamedTuple, cast, get_args
 
 from omnidrive.deploy.ros2.cdr import decode, encode
 from omnidrive.deploy.ros2.dds import (
-    Qos,
     cyclonedds,
     dds_qos,
     dds_type,
@@ -24,6 +23,7 @@ from omnidrive.deploy.ros2.graph import Graph, Participant, discovered
 from omnidrive.deploy.ros2.interface import LATEST, Distribution
 from omnidrive.deploy.ros2.message import Message, message_type
 from omnidrive.deploy.ros2.names import dds_topic, resolve, ros_topic, ros_type_name
+from omnidrive.deploy.ros2.qos import LATCHED_QOS, Qos
 from omnidrive.deploy.ros2.type_hash import distribution_of
 from omnidrive.errors import InvalidMessage
 from omnidrive.parameter import check_choice
@@ -31,7 +31,7 @@ from omnidrive.parameter import check_choice
 _log = logging.getLogger("omnidrive")
 _DISCOVERY_TOPIC = "ros_discovery_info"
 _ENTITIES = "rmw_dds_common/msg/ParticipantEntitiesInfo"
-_DISCOVERY_QOS = Qos(transient_local=True, depth=1)
+_DISCOVERY_QOS = LATCHED_QOS
 _DETECTION_TIME = 1.0
 """Time for which a node waits for others to learn their distribution, s."""
 _SETTLING_TIME = 0.1

@@ -22,13 +22,13 @@ from omnidrive.deploy.links.ros2 import Ros2Link
 from omnidrive.deploy.log.drive_log import LogFolder
 from omnidrive.deploy.realtime import schedule_below_loop
 from omnidrive.deploy.robot_link import LinkLost
-from omnidrive.deploy.ros2.dds import LATCHED_QOS
 from omnidrive.deploy.ros2.drive_files import reference_file
 from omnidrive.deploy.ros2.drive_reports import ERROR, OK, WARN, DriveReports
 from omnidrive.deploy.ros2.node import Node, Subscription
 from omnidrive.deploy.ros2.path_continuation import PathContinuation
 from omnidrive.deploy.ros2.path_reference import is_same_ahead, path_poses, path_reference
 from omnidrive.deploy.ros2.planar_messages import grid_of, pose_of
+from omnidrive.deploy.ros2.qos import LATCHED_QOS
 from omnidrive.deploy.ros2.ros_time import SimulatedTimeClock
 from omnidrive.errors import InvalidInput, OmnidriveError, one_line
 from omnidrive.geometry import Pose

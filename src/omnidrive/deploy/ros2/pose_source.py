@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from math import hypot, inf, isfinite, nan, sqrt
 from typing import Any
 
-from omnidrive.deploy.ros2.dds import LATCHED_QOS, SENSOR_QOS
 from omnidrive.deploy.ros2.names import resolve
 from omnidrive.deploy.ros2.node import Node, Subscription
 from omnidrive.deploy.ros2.planar_messages import (
@@ -20,6 +19,7 @@ from omnidrive.deploy.ros2.planar_messages import (
     pose_of,
     transform_of,
 )
+from omnidrive.deploy.ros2.qos import LATCHED_QOS, SENSOR_QOS
 from omnidrive.deploy.ros2.ros_time import seconds
 from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation
 from omnidrive.deploy.ros2.transform_tree import MOST_FRAMES, Frames, Transform, TransformTree

@@ -12,7 +12,6 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.control.controller import STOP
-from omnidrive.deploy.ros2.dds import LATCHED_QOS, SENSOR_QOS
 from omnidrive.deploy.ros2.message import Message, message_type
 from omnidrive.deploy.ros2.node import Node
 from omnidrive.deploy.ros2.planar_messages import (
@@ -25,6 +24,7 @@ from omnidrive.deploy.ros2.planar_messages import (
     set_twist,
     twist_of,
 )
+from omnidrive.deploy.ros2.qos import LATCHED_QOS, SENSOR_QOS
 from omnidrive.deploy.ros2.robot_description import robot_description, wheel_joints
 from omnidrive.deploy.ros2.ros_time import seconds, stamp
 from omnidrive.estimation import EncoderSettings
