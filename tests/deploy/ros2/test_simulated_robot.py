@@ -1,5 +1,6 @@
 """A simulated robot in the graph: commands in; odometry, transforms, scans out."""
 
+from dataclasses import replace
 from math import atan2, cos, hypot, nan, sin
 
 import numpy as np
@@ -132,6 +133,22 @@ def test_it_stops_without_commands_and_refuses_others(bench):
         assert (robot.commands, robot.refused) == (1, 2)
     bench.command(1e6, 0.0, 0.0, t=robot.now)
     assert ROBOT.chassis.wheel_speeds(robot._command).max() <= ROBOT.max_wheel_speed * 1.001
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7])
+def test_the_published_map_has_the_walls_that_the_scanner_sees(yaw):
+    """Rays on the published map, without walls around it, are those that the scanner measures."""
+    open_grid = OccupancyGrid(np.zeros((20, 30), bool), 0.2, (1.0, -2.0), yaw=yaw)
+    shown = grid_of(map_message(open_grid.bordered(), message_type("nav_msgs/msg/OccupancyGrid")()))
+    x, y = open_grid.centre(9, 12)
+    bearings = np.linspace(-3.1, 3.1, 60)
+    seen = scan_ranges(open_grid, Pose(x, y, 0.3), bearings, 20.0)
+    assert np.isfinite(seen).all()
+    ranges = scan_ranges(replace(shown, walled=False), Pose(x, y, 0.3), bearings, 20.0)
+    np.testing.assert_allclose(ranges, seen, atol=1e-3)
+    assert GRID.bordered() is GRID
+    walled = replace(GRID, walled=True)
+    assert walled.bordered() is walled
 
 
 def test_it_publishes_map_description_scanner_and_clock(bench):

@@ -83,7 +83,7 @@ class Ros2Robot:
         robot: The robot.
         start: Pose at the start, in W, the frame ``map``.
         settings: Rates and types.
-        grid: Map that the scanner sees; None: no scanner.
+        grid: Map that the scanner sees; None: no scanner. Walls around it are published as cells.
         rng: Generator of the scanner's noise.
 
     Attributes:
@@ -105,7 +105,8 @@ class Ros2Robot:
     ) -> None:
         self.node, self.plant, self.robot, self.settings = node, plant, robot, settings
         self.commands = self.refused = self.skipped = 0
-        self._grid, self._rng = grid, rng or np.random.default_rng(0)
+        self._grid = None if grid is None else grid.bordered()  # what the scanner sees is on /map
+        self._rng = rng or np.random.default_rng(0)
         self._dt = 1.0 / settings.rate
         self._steps = 0
         self._began = time.time()
