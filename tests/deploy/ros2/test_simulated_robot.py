@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omnidrive.deploy.ros2 import LATCHED_QOS, SENSOR_QOS, Node, message_type
+from omnidrive.deploy.ros2 import LATCHED_QOS, SENSOR_QOS, Node, Qos, message_type
 from omnidrive.deploy.ros2.planar_messages import (
     compose,
     grid_of,
@@ -133,6 +133,14 @@ def test_it_stops_without_commands_and_refuses_others(bench):
         assert (robot.commands, robot.refused) == (1, 2)
     bench.command(1e6, 0.0, 0.0, t=robot.now)
     assert ROBOT.chassis.wheel_speeds(robot._command).max() <= ROBOT.max_wheel_speed * 1.001
+
+
+def test_scans_reach_subscriptions_of_each_reliability(bench):
+    reliable = bench.client.subscription("/scan", "sensor_msgs/msg/LaserScan")
+    assert bench.client.wait_for(lambda: reliable.matched and bench.scans.matched, 5.0)
+    (offered,) = [each.qos for each in bench.client.graph().publishers("/scan")]
+    assert Qos().fault(offered) is None
+    assert SENSOR_QOS.fault(offered) is None
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7])

@@ -24,7 +24,7 @@ from omnidrive.deploy.ros2.planar_messages import (
     set_twist,
     twist_of,
 )
-from omnidrive.deploy.ros2.qos import LATCHED_QOS, SENSOR_QOS
+from omnidrive.deploy.ros2.qos import LATCHED_QOS, Qos
 from omnidrive.deploy.ros2.robot_description import robot_description, wheel_joints
 from omnidrive.deploy.ros2.ros_time import seconds, stamp
 from omnidrive.estimation import EncoderSettings
@@ -36,6 +36,8 @@ from omnidrive.simulation import Plant, PlantState
 from omnidrive.simulation.sensors.encoders import Encoders
 from omnidrive.simulation.sensors.lidar import LidarSettings
 
+_SCAN_QOS = Qos(depth=5)
+"""Reliable, which also subscriptions of best effort receive, such as those of Nav2."""
 CommandType = Literal["Twist", "TwistStamped"]
 _ODOMETRY_SIGMAS = (0.01, 0.01, 0.01)  # m, m, rad
 _TWIST_SIGMAS = (0.02, 0.02, 0.02)  # m/s, m/s, rad/s
@@ -193,7 +195,7 @@ class Ros2Robot:
         if self.settings.clock:
             made["/clock"] = self.node.publisher("/clock", "rosgraph_msgs/msg/Clock")
         if self._grid is not None:
-            made["scan"] = self.node.publisher("scan", "sensor_msgs/msg/LaserScan", SENSOR_QOS)
+            made["scan"] = self.node.publisher("scan", "sensor_msgs/msg/LaserScan", _SCAN_QOS)
             made["map"] = self.node.publisher("map", "nav_msgs/msg/OccupancyGrid", LATCHED_QOS)
             made["/tf_static"] = self.node.publisher(
                 "/tf_static", "tf2_msgs/msg/TFMessage", LATCHED_QOS
