@@ -117,7 +117,7 @@ def test_it_moves_as_commanded_and_reports_it(bench):
     np.testing.assert_allclose(joints.velocity, expected, atol=0.1)
 
 
-def test_it_stops_without_commands_and_refuses_others(bench):
+def test_it_stops_without_commands_and_refuses_others(bench, caplog):
     robot, stamped = bench.robot, bench.robot.settings.command_type == "TwistStamped"
     bench.command(0.2, 0.0, 0.0)
     for _ in range(9):
@@ -131,8 +131,22 @@ def test_it_stops_without_commands_and_refuses_others(bench):
     if stamped:
         bench.command(0.2, 0.0, 0.0, t=robot.now - 0.6)
         assert (robot.commands, robot.refused) == (1, 2)
+        assert "a command is refused: its stamp is 0.6 s old" in caplog.messages
     bench.command(1e6, 0.0, 0.0, t=robot.now)
     assert ROBOT.chassis.wheel_speeds(robot._command).max() <= ROBOT.max_wheel_speed * 1.001
+
+
+def test_a_stamp_of_another_time_is_reported_once_with_both_times(bench, caplog):
+    robot = bench.robot
+    if robot.settings.command_type == "Twist":
+        pytest.skip("a Twist has no stamp")
+    now, refused = robot.now, robot.refused
+    for _ in range(2):
+        bench.command(0.2, 0.0, 0.0, t=1.7e9)
+    assert robot.refused == refused + 2
+    (said,) = [each for each in caplog.messages if "is refused" in each and "1700000000" in each]
+    assert f"the time is {now:.0f} s" in said
+    assert "use_sim_time" in said
 
 
 def test_scans_reach_subscriptions_of_each_reliability(bench):

@@ -20,7 +20,7 @@ from omnidrive.deploy.ros2.planar_messages import (
     transform_of,
 )
 from omnidrive.deploy.ros2.qos import LATCHED_QOS, SENSOR_QOS
-from omnidrive.deploy.ros2.ros_time import seconds
+from omnidrive.deploy.ros2.ros_time import other_time, seconds
 from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation
 from omnidrive.deploy.ros2.transform_tree import MOST_FRAMES, Frames, Transform, TransformTree
 from omnidrive.errors import one_line
@@ -150,7 +150,10 @@ class PoseSource:
         if now is None:
             return False
         age = now - stamp
-        if age > MAX_AGE:
+        mixed = other_time(stamp, now)
+        if mixed:
+            self._refuse(f"a pose is not of this time: {mixed}")
+        elif age > MAX_AGE:
             self._refuse(f"poses are {age:.3g} s old; are the computers' clocks synchronised?")
         elif age < -MAX_AHEAD:
             self._refuse(f"poses are {-age:.3g} s in the future; use_sim_time must be alike")

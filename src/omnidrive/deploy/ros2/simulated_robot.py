@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from dataclasses import dataclass, field
 from math import floor, inf, isfinite
@@ -26,7 +27,7 @@ from omnidrive.deploy.ros2.planar_messages import (
 )
 from omnidrive.deploy.ros2.qos import LATCHED_QOS, Qos
 from omnidrive.deploy.ros2.robot_description import robot_description, wheel_joints
-from omnidrive.deploy.ros2.ros_time import seconds, stamp
+from omnidrive.deploy.ros2.ros_time import other_time, seconds, stamp
 from omnidrive.estimation import EncoderSettings
 from omnidrive.geometry import Pose, move, wrap
 from omnidrive.maps import OccupancyGrid
@@ -36,6 +37,7 @@ from omnidrive.simulation import Plant, PlantState
 from omnidrive.simulation.sensors.encoders import Encoders
 from omnidrive.simulation.sensors.lidar import LidarSettings
 
+_log = logging.getLogger("omnidrive")
 _SCAN_QOS = Qos(depth=5)
 """Reliable, which also subscriptions of best effort receive, such as those of Nav2."""
 CommandType = Literal["Twist", "TwistStamped"]
@@ -109,6 +111,7 @@ class Ros2Robot:
         self.commands = self.refused = self.skipped = 0
         self._grid = None if grid is None else grid.bordered()  # what the scanner sees is on /map
         self._rng = rng or np.random.default_rng(0)
+        self._reported: set[str] = set()
         self._dt = 1.0 / settings.rate
         self._steps = 0
         self._began = time.time()
@@ -167,14 +170,26 @@ class Ros2Robot:
             stamped = self.settings.command_type == "TwistStamped"
             twist = twist_of(message.twist if stamped else message)
             sent = seconds(message.header.stamp) if stamped else 0.0
-            old = sent != 0.0 and abs(self.now - sent) > self.settings.command_timeout
-            if old or not all(map(isfinite, twist)):
-                self.refused += 1
+            if not all(map(isfinite, twist)):
+                self._refuse("not finite", "it is not finite")
+                continue
+            if sent != 0.0 and abs(self.now - sent) > self.settings.command_timeout:
+                reason = other_time(sent, self.now)
+                age = f"its stamp is {abs(self.now - sent):.3g} s "
+                age += "old" if sent < self.now else "in the future"
+                self._refuse("time" if reason else "age", reason or age)
                 continue
             self._command, self._commanded = self.robot.drive.saturate(twist), now
             self.commands += 1
         if now - self._commanded > self.settings.command_timeout:
             self._command = STOP
+
+    def _refuse(self, kind: str, reason: str) -> None:
+        """Count a refused command; a reason of each kind is reported once."""
+        self.refused += 1
+        if kind not in self._reported:
+            self._reported.add(kind)
+            _log.warning("a command is refused: %s", reason)
 
     def _update_odometry(self) -> None:
         angles = self._encoders.read(self._state)
