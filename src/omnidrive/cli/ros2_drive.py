@@ -34,6 +34,9 @@ _ReferenceOption = Annotated[
 _ParamsOption = Annotated[
     Path | None, option("FILE.yaml", "Parameters, in the form of ROS 2 parameter files.")
 ]
+_RobotOption = Annotated[
+    str | None, option("NAME|FILE", "Robot, or a robot file.", None, complete=component("robots"))
+]
 _InitialPoseOption = Annotated[
     str | None,
     option("X,Y[,HEADING]", "Pose from which laser scans localise the robot, m, m, rad."),
@@ -81,10 +84,7 @@ _ServeOption = Annotated[
 def drive(
     reference: _ReferenceOption = None,
     params: _ParamsOption = None,
-    robot: Annotated[
-        str | None,
-        option("NAME|FILE", "Robot, or a robot file.", None, complete=component("robots")),
-    ] = None,
+    robot: _RobotOption = None,
     controller: Annotated[
         str | None,
         option("NAME[,KEY=VALUE...]", "Controller.", None, complete=component("controllers")),
@@ -228,15 +228,16 @@ def _drive(
 
 def _motion(text: str, robot: Robot, start: Pose) -> Reference:
     """Return the motion of an option: a waypoint file, or a shape from the robot's pose on."""
-    from omnidrive.cli.components import reference_data
+    from omnidrive.cli.components import chosen_component, reference_data
     from omnidrive.components import configure
     from omnidrive.reference.components import ReferenceContext
 
     data = reference_data(text)
-    values = {key: value for key, value in data.items() if key != "type"}
-    motion: Reference = configure("references", data["type"], values).make(
-        ReferenceContext(robot, start)
-    )
+    if "file" in data:
+        chosen = configure("references", data["type"], {"file": data["file"]})
+    else:
+        chosen = chosen_component("references", text)
+    motion: Reference = chosen.make(ReferenceContext(robot, start))
     return motion
 
 

@@ -129,6 +129,15 @@ def test_a_command_during_a_drive_ends_it():
     assert result.run.t[-1] < 10.0
 
 
+def test_an_allowed_node_has_a_name_of_ros():
+    options = {"domain": new_domain(), "peers": ["localhost"], "distribution": "jazzy"}
+    with (
+        Node("drive", **options) as node,
+        pytest.raises(InvalidInput, match="'/a b' is not a name of ROS 2"),
+    ):
+        Ros2Link(node, ROBOT, Ros2LinkSettings(allowed_publishers=("a b",)))
+
+
 def test_allowed_publishers_are_a_list_of_parameters(tmp_path):
     file = tmp_path / "drive.yaml"
     file.write_text("omnidrive_drive: {ros__parameters: {allowed_publishers: [/a, b]}}")

@@ -372,7 +372,7 @@ def test_parameters_are_those_of_a_ros_file(tmp_path):
         ("omnidrive_drive: {ros__parameters: {speed: -1.0}}", "speed is -1 m/s"),
         ("omnidrive_drive: {ros__parameters: {command_type: Wrench}}", "one of Twist"),
         ("omnidrive_drive: {rate: 5.0}", "no mapping ros__parameters"),
-        ("controller_server: {ros__parameters: {a: 1}}", "there are controller_server"),
+        ("controller_server: {ros__parameters: {a: 1}}", "its nodes are 'controller_server'"),
         ("omnidrive_drive: {ros__parameters: {controller: {horizon: 3}}}", "has no type"),
         ("- 1", "no mapping"),
     ],

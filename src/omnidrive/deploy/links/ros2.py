@@ -90,8 +90,8 @@ class Ros2Link:
         settings: Topics and frames.
 
     Raises:
-        InvalidInput: The number of wheel joints is not that of the wheels, or a topic is no name
-            of ROS 2.
+        InvalidInput: The number of wheel joints is not that of the wheels, or the topic of commands
+            or an allowed node has no name of ROS 2.
     """
 
     def __init__(
@@ -114,6 +114,7 @@ class Ros2Link:
         self._clock: Clock | None = None
         self._commands: Publisher | None = None
         self._rivals: CommandRivals | None = None
+        self._allowed = {resolve(f"/{n.strip('/')}") for n in settings.allowed_publishers}
         self._topic = resolve(settings.cmd_vel, node.namespace, node=node.name)
         self._joints: Subscription | None = None
         if settings.wheel_joints:
@@ -144,7 +145,7 @@ class Ros2Link:
         if self._commands is None:
             commands = self.node.publisher(self._topic, self._command_type())
             self._commands = commands
-            self._rivals = CommandRivals(self.node, commands, self.settings.allowed_publishers)
+            self._rivals = CommandRivals(self.node, commands, self._allowed)
             self.node.wait_for(lambda: self._robots() > 0, self.settings.timeout)
             self._note_rivals(self._rivals)
         elif self._rivals is not None:

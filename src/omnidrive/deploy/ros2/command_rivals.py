@@ -29,7 +29,7 @@ class CommandRivals:
 
     def __init__(self, node: Node, own: Publisher, allowed: Collection[str] = ()) -> None:
         self._node, self._own = node, own
-        self._allowed = {f"/{each.strip('/')}" for each in allowed}
+        self._allowed = frozenset(allowed)
         qos = SENSOR_QOS._replace(depth=_DEPTH)  # any publisher satisfies it
         self._subscription = node.subscription(own.topic.removeprefix("rt"), own.type, qos)
         self._gids: dict[int, bytes] = {}

@@ -230,7 +230,7 @@ def _pose(text: str | None) -> Pose | None:
     return Pose(x, y, yaw)
 
 
-def _specification(data: Mapping[str, Any], name: str) -> str:
+def _specification(data: Mapping[Any, Any], name: str) -> str:
     """Return a mapping as ``NAME,KEY=VALUE``."""
     if not isinstance(data.get("type"), str):
         raise InvalidInput(f"{name}: controller has no type, such as holonomic-nmpc")
