@@ -6,12 +6,14 @@ from math import nan
 import pytest
 
 from omnidrive.control import FeedforwardController
-from omnidrive.deploy.links.ros2 import Ros2Link
+from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
+from omnidrive.deploy.robot_link import LinkLost
 from omnidrive.deploy.ros2 import Node, message_type
 from omnidrive.deploy.ros2.drive_reports import ERROR, WARN, DriveReports, ReportedPipeline
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower, PlanFollower
 from omnidrive.deploy.ros2.planar_messages import set_pose
 from omnidrive.geometry import Pose
+from omnidrive.reference import Hold
 from tests.deploy.ros2.peer_process import new_domain
 from tests.deploy.ros2.robot_process import ROBOT
 
@@ -21,7 +23,7 @@ def meeting():
     """A node that follows paths, and a planner that reads /diagnostics."""
     options = {"domain": new_domain(), "peers": ["localhost"], "distribution": "jazzy"}
     with Node("drive", **options) as node, Node("planner", **options) as planner:
-        link = Ros2Link(node, ROBOT)
+        link = Ros2Link(node, ROBOT, Ros2LinkSettings(timeout=0.1))
         reports = DriveReports(node, link.ros_clock, "map")
         pipeline = ReportedPipeline(FeedforwardController(0.04))
         requests = DriveRequests(node)
@@ -68,6 +70,19 @@ def test_a_path_that_is_not_usable_is_reported_with_its_reason(meeting, caplog, 
         taker.follower.refuse(found[0].message, WARN)
     assert (found[0].level, found[0].name) == (WARN, "drive: drive")
     assert len([each for each in caplog.messages if each.startswith(reason)]) == 1  # said once
+
+
+def test_a_robot_that_is_not_found_is_reported(meeting):
+    taker, _, diagnostics = meeting
+    follower, node = taker.follower, taker.follower.link.node
+    diagnostics.take()
+    with pytest.raises(LinkLost, match="nothing subscribes to /cmd_vel"):
+        follower.drive(Hold(Pose(0.0, 0.0, 0.0), 1.0))
+    found = []
+    assert node.wait_for(lambda: found.extend(diagnostics.take()) or found, 5.0)
+    (status,) = found[0].message.status
+    assert status.level == ERROR
+    assert status.message.startswith("nothing subscribes to /cmd_vel in domain")
 
 
 def test_the_state_is_published_again_while_nothing_is_driven(meeting, monkeypatch):

@@ -177,10 +177,7 @@ class PathFollower:
 
         files = reference_file(reference, 1.0 / self.rate)
         self.continuation.pipeline = self.pipeline
-        self._refusal = ""
-        if self.reports is not None:
-            self.reports.begin()
-        with _repeating(check, controls), self._continued():
+        with _repeating(check, controls), self._reported_drive():
             result = drive(
                 self.link,
                 self.pipeline,
@@ -195,10 +192,17 @@ class PathFollower:
         return result
 
     @contextmanager
-    def _continued(self) -> Iterator[None]:
-        """Abandon what is computed for new paths at the end of a drive."""
+    def _reported_drive(self) -> Iterator[None]:
+        """Report a drive; abandon what is computed for new paths at its end."""
+        self._refusal = ""
+        if self.reports is not None:
+            self.reports.begin()
         try:
             yield
+        except LinkLost as error:
+            if self.reports is not None:
+                self.reports.report(ERROR, one_line(str(error)))
+            raise
         finally:
             self.continuation.abandon()
 
