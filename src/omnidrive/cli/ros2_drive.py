@@ -34,9 +34,22 @@ _ReferenceOption = Annotated[
 _ParamsOption = Annotated[
     Path | None, option("FILE.yaml", "Parameters, in the form of ROS 2 parameter files.")
 ]
+_RobotOption = Annotated[
+    str | None, option("NAME|FILE", "Robot, or a robot file.", None, complete=component("robots"))
+]
 _InitialPoseOption = Annotated[
     str | None,
     option("X,Y[,HEADING]", "Pose from which laser scans localise the robot, m, m, rad."),
+]
+_PublishersOption = Annotated[
+    list[str] | None,
+    option(
+        "NODE",
+        "Node that may send commands besides the drive (repeatable); a command of another node "
+        "ends the drive.",
+        None,
+        "--allow-publisher",
+    ),
 ]
 _LogsOption = Annotated[
     Path | None,
@@ -71,10 +84,7 @@ _ServeOption = Annotated[
 def drive(
     reference: _ReferenceOption = None,
     params: _ParamsOption = None,
-    robot: Annotated[
-        str | None,
-        option("NAME|FILE", "Robot, or a robot file.", None, complete=component("robots")),
-    ] = None,
+    robot: _RobotOption = None,
     controller: Annotated[
         str | None,
         option("NAME[,KEY=VALUE...]", "Controller.", None, complete=component("controllers")),
@@ -84,6 +94,7 @@ def drive(
     world_frame: Annotated[str | None, option("NAME", "Frame of paths and goals.")] = None,
     base_frame: Annotated[str | None, option("NAME", "Frame of the robot.")] = None,
     cmd_vel: Annotated[str | None, option("TOPIC", "Topic of commands.")] = None,
+    allow_publisher: _PublishersOption = None,
     odom: Annotated[str | None, option("TOPIC", "Topic of odometry.")] = None,
     plan: Annotated[str | None, option("TOPIC", "Topic of paths.")] = None,
     initial_pose: _InitialPoseOption = None,
@@ -120,6 +131,7 @@ def drive(
         robot=robot, controller=controller, rate=rate, max_speed=max_speed,
         world_frame=world_frame, base_frame=base_frame, cmd_vel=cmd_vel, odom=odom, plan=plan,
         initial_pose=initial_pose, use_sim_time=use_sim_time,
+        allowed_publishers=allow_publisher or None,
     )  # fmt: skip
     if serve and reference is not None:
         raise InvalidInput("--serve follows the paths of its goals: leave out --reference")
@@ -202,6 +214,7 @@ def _drive(
             speed=settings.max_speed,
             margin=settings.margin,
             logs=logs,
+            reports=reports,
         )
         if reference is not None:
             motion = _motion(reference, made, follower.current_pose(), settings.max_speed)
@@ -216,16 +229,17 @@ def _drive(
 
 def _motion(text: str, robot: Robot, start: Pose, max_speed: float | None) -> Reference:
     """Return the motion of an option: a waypoint file, or a shape from the robot's pose on."""
-    from omnidrive.cli.components import reference_data
+    from omnidrive.cli.components import chosen_component, reference_data
     from omnidrive.components import configure
     from omnidrive.reference import slowed_to
     from omnidrive.reference.components import ReferenceContext
 
     data = reference_data(text)
-    values = {key: value for key, value in data.items() if key != "type"}
-    motion: Reference = configure("references", data["type"], values).make(
-        ReferenceContext(robot, start, max_speed)
-    )
+    if "file" in data:
+        chosen = configure("references", data["type"], {"file": data["file"]})
+    else:
+        chosen = chosen_component("references", text)
+    motion: Reference = chosen.make(ReferenceContext(robot, start, max_speed))
     return slowed_to(motion, max_speed)
 
 

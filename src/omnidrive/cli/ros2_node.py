@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from omnidrive.cli.options import choice, choose_one, option
 
-_DISTRIBUTIONS = ("humble", "iron", "jazzy", "kilted")
+_DISTRIBUTIONS = ("humble", "iron", "jazzy", "kilted", "lyrical", "rolling")
 _GRAPH_PANEL = "Graph"
 DomainOption = Annotated[
     int | None, option("N", "Domain [default: ROS_DOMAIN_ID, or 0].", _GRAPH_PANEL, least=0)

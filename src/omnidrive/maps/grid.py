@@ -80,6 +80,18 @@ class OccupancyGrid:
         right, top = self.corners.max(axis=0).tolist()
         return (left, right, bottom, top)
 
+    def bordered(self) -> OccupancyGrid:
+        """Return the grid with the walls around it as cells: a border of one occupied cell.
+
+        A grid without walls, or whose outermost cells are all occupied, is returned as it is.
+        """
+        edges = (self.occupied[[0, -1]], self.occupied[:, [0, -1]])
+        if not self.walled or all(each.all() for each in edges):
+            return self
+        x, y = self.points_of(np.array([(-1.0, -1.0)]))[0].tolist()
+        cells = np.pad(self.occupied, 1, constant_values=True)
+        return replace(self, occupied=cells, origin=(x, y))
+
     def cell(self, x: float, y: float) -> tuple[int, int]:
         """Return row and column of the cell of the point (x, y) in W; it may lie outside."""
         along, across = cos(self.yaw), sin(self.yaw)

@@ -14,6 +14,8 @@ STORES = {
     "iron": Stores.ROS2_IRON,
     "jazzy": Stores.ROS2_JAZZY,
     "kilted": Stores.ROS2_KILTED,
+    "lyrical": Stores.ROS2_LYRICAL,
+    "rolling": Stores.ROS2_LYRICAL,
 }
 
 

@@ -17,7 +17,7 @@ VARIANTS = [
     (name, distribution)
     for distribution in STORES
     for name, each in interfaces(distribution).items()
-    if distribution == "jazzy" or each != interfaces("jazzy")[name]
+    if distribution == "jazzy" or each != interfaces("jazzy").get(name)
 ]
 
 

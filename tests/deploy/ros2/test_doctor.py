@@ -5,8 +5,8 @@ import threading
 import pytest
 
 from omnidrive.deploy.ros2 import Endpoint, Graph, Node, Participant, Qos, type_hash
-from omnidrive.deploy.ros2.dds import SENSOR_QOS
 from omnidrive.deploy.ros2.doctor import Examination, TopicTraffic, diagnose, examine
+from omnidrive.deploy.ros2.qos import SENSOR_QOS
 from tests.deploy.ros2.peer_process import new_domain, running_peer
 
 TWIST, ODOMETRY = "geometry_msgs/msg/Twist", "nav_msgs/msg/Odometry"
@@ -50,9 +50,23 @@ def test_different_types_on_a_topic_are_an_error():
     assert fact == f"/cmd_vel has the types {TWIST} (/base) and {TWIST}Stamped (/teleop)"
 
 
-def test_another_definition_is_an_error():
+RESULT = "nav2_msgs/action/FollowPath_GetResult_Response"
+
+
+def test_the_definition_of_another_distribution_is_an_error_that_names_it():
+    old = endpoint("/a", RESULT, True, "/nav", prefix="rr", type_hash=type_hash(RESULT, "iron"))
+    (error,) = [each for each in findings(*GOOD, old) if each.level == "error"]
+    assert error.fact == f"/nav has the definition of {RESULT} of iron on /a, not that of jazzy"
+    assert error.remedy.endswith("--distribution iron")
+    same = old._replace(type_hash=type_hash(RESULT, "kilted"))
+    assert {each.level for each in findings(*GOOD, same)} == {"note"}
+
+
+def test_a_definition_that_is_not_known_is_a_warning_with_both_hashes():
     odd = endpoint("/odom", ODOMETRY, True, type_hash="RIHS01_00")
-    assert "another definition of nav_msgs/msg/Odometry" in only(findings(GOOD[0], odd), "error")
+    fact = only(findings(GOOD[0], odd), "warning")
+    assert "nav_msgs/msg/Odometry on /odom that is not known: RIHS01_00; that of jazzy" in fact
+    assert fact.endswith(type_hash(ODOMETRY))
 
 
 def test_incompatible_qos_is_an_error_with_both_nodes():

@@ -2,8 +2,11 @@
 
 import pytest
 
+from omnidrive.cli.ros2_drive import _motion
 from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 from omnidrive.errors import InvalidInput
+from omnidrive.geometry import Pose
+from omnidrive.robot import named_robot
 
 
 @pytest.mark.parametrize(
@@ -81,3 +84,8 @@ def test_parameters_of_every_node_and_of_this_one_are_joined(tmp_path):
         encoding="utf-8",
     )
     assert read_parameters(path) == {"rate": 30.0, "margin": 1.0}
+
+
+def test_a_parameter_that_a_reference_lacks_is_an_error_of_the_user():
+    with pytest.raises(InvalidInput, match=r"circle: .*has no parameter 'duration'"):
+        _motion("circle,duration=6", named_robot("mecanum"), Pose(0.0, 0.0, 0.0))

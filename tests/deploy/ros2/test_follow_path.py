@@ -17,12 +17,21 @@ from cyclonedds.topic import Topic
 
 from omnidrive.control import FeedforwardController
 from omnidrive.deploy.links.ros2 import Ros2Link
+from omnidrive.deploy.robot_link import LinkLost
 from omnidrive.deploy.ros2 import Node, message_type
 from omnidrive.deploy.ros2.drive_reports import ReportedPipeline
-from omnidrive.deploy.ros2.follow_path import ABORTED, CANCELED, SUCCEEDED, FollowPathServer
-from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
+from omnidrive.deploy.ros2.follow_path import (
+    ABORTED,
+    CANCELED,
+    SUCCEEDED,
+    FollowPathServer,
+    _error_code,
+)
+from omnidrive.deploy.ros2.path_follower import DriveRequests, NoPose, PathFollower
+from omnidrive.deploy.ros2.path_reference import UnknownFrame
 from omnidrive.deploy.ros2.planar_messages import set_pose
 from omnidrive.deploy.ros2.service import ACTIVE, UNCONFIGURED, Lifecycle
+from omnidrive.errors import InvalidMessage, InvalidReference
 from omnidrive.geometry import Pose
 from tests.deploy.ros2.peer_process import new_domain
 from tests.deploy.ros2.peer_types import from_peer, to_peer, typestore
@@ -134,6 +143,7 @@ def test_a_behaviour_tree_drives_cancels_and_replaces_goals():
         assert nav.goal(2, LINE)
         response = nav.result.call(goal_id=uuid(2), wait=20.0)
         assert (response.status, response.result.error_code) == (SUCCEEDED, 0)
+        assert response.result.error_msg == ""
         assert abs(robot.state.pose.x - 0.6) < 0.15
         distances = [each.message.feedback.distance_to_goal for each in nav.feedback.take()]
         assert distances[-1] < distances[0]
@@ -149,7 +159,12 @@ def test_a_behaviour_tree_drives_cancels_and_replaces_goals():
         assert nav.goal(5, LINE, "nowhere")
         assert nav.result.call(goal_id=uuid(4)).status == ABORTED
         response = nav.result.call(goal_id=uuid(5))
+        assert (response.status, response.result.error_code) == (ABORTED, 102)
+        assert response.result.error_msg.startswith("the path is in the frame nowhere, which is")
+        assert nav.goal(6, [])
+        response = nav.result.call(goal_id=uuid(6))
         assert (response.status, response.result.error_code) == (ABORTED, 103)
+        assert response.result.error_msg == "the path has 0 poses, need 1 to 100000"
         assert nav.result.call(goal_id=uuid(99)).status == 0
 
 
@@ -195,6 +210,17 @@ def test_a_goal_of_a_thousand_poses_is_accepted_before_its_path_is_decoded():
         assert nav.goal(7, [(0.002 * i, 0.0) for i in range(1000)])
         assert order == [0]
         assert nav.result.call(goal_id=uuid(7), wait=30.0).status == SUCCEEDED
+
+
+def test_errors_have_the_codes_of_nav2():
+    errors = {
+        UnknownFrame("the path is in the frame nowhere"): 102,
+        NoPose("no pose of base_link in map"): 102,
+        InvalidReference("the path has 0 poses"): 103,
+        InvalidMessage("not a path"): 103,
+        LinkLost("/teleop also commands /cmd_vel"): 100,
+    }
+    assert [_error_code(each) for each in errors] == list(errors.values())
 
 
 @pytest.fixture

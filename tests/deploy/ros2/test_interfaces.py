@@ -4,6 +4,7 @@ import pytest
 from rosbags.typesys import get_types_from_msg, get_typestore
 
 from omnidrive.deploy.ros2 import definition_text, interfaces, type_hash
+from omnidrive.deploy.ros2.type_hash import distribution_of, distributions_with
 from tests.deploy.ros2.peer_types import STORES, typestore
 
 
@@ -32,7 +33,40 @@ def plain(fields):
 def test_distributions_differ_where_ros_does():
     assert interfaces("humble")["rmw_dds_common/msg/Gid"].fields[0].length == 24
     assert interfaces("iron")["rmw_dds_common/msg/Gid"].fields[0].length == 16
-    names = [
-        [f.name for f in interfaces(d)["nav2_msgs/action/FollowPath_Goal"].fields] for d in STORES
-    ]
-    assert [len(each) for each in names] == [3, 3, 4, 4]
+    assert lengths("nav2_msgs/action/FollowPath_Goal") == [3, 4, 4, 4, 5, 5]
+    assert lengths("nav2_msgs/action/FollowPath_Result") == [1, 2, 3, 3, 3, 3]
+    assert lengths("nav2_msgs/action/FollowPath_Feedback") == [2, 2, 2, 2, 1, 1]
+    last = [interfaces(d)["nav2_msgs/action/FollowPath_Result"].fields[-1].name for d in STORES]
+    assert last == ["result", "error_code", *["error_msg"] * 4]
+
+
+def lengths(name):
+    return [len(interfaces(each)[name].fields) for each in STORES]
+
+
+GOAL = "nav2_msgs/action/FollowPath_SendGoal_Request"
+RESULT = "nav2_msgs/action/FollowPath_GetResult_Response"
+
+
+@pytest.mark.parametrize(
+    ("hashes", "expected"),
+    [
+        ([], None),
+        ([("nav_msgs/msg/Odometry", "")], "humble"),
+        ([("nav_msgs/msg/Odometry", type_hash("nav_msgs/msg/Odometry"))], "jazzy"),
+        ([("some_msgs/msg/Other", "RIHS01_00")], "jazzy"),
+        *(
+            ([(GOAL, type_hash(GOAL, each)), (RESULT, type_hash(RESULT, each))], each)
+            for each in ("iron", "jazzy", "lyrical")
+        ),
+    ],
+)
+def test_the_distribution_is_that_of_the_announced_hashes(hashes, expected):
+    assert distribution_of(hashes) == expected
+
+
+def test_a_hash_tells_the_distributions_that_have_it():
+    assert distributions_with(RESULT, type_hash(RESULT, "kilted"))[:2] == ("jazzy", "kilted")
+    assert distributions_with(RESULT, type_hash(RESULT, "iron")) == ("iron",)
+    assert distributions_with(RESULT, "RIHS01_00") == ()
+    assert distributions_with("some_msgs/msg/Other", "RIHS01_00") == ()

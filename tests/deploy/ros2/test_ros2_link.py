@@ -90,16 +90,21 @@ def test_a_drive_follows_its_reference_and_reports_it(world):
     diagnostics = user.subscription("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
     plans = user.subscription("/local_plan", "nav_msgs/msg/Path")
     node = follower.link.node
-    follower.pipeline = pipeline(DriveReports(node, follower.link.ros_clock, "map"))
+    follower.reports = DriveReports(node, follower.link.ros_clock, "map")
+    follower.pipeline = pipeline(follower.reports)
     result = follower.drive(ShapeReference(Circle(radius=0.1), 1.5))
     assert result.finished, result.changes
     errors = np.hypot(*(result.run.pose - result.run.target)[:, :2].T)
     assert errors.mean() < 0.1
     assert hypot(*robot.state.pose[:2]) < 0.1
     assert user.wait_for(lambda: robot._command.vx == 0.0, 3.0)
-    (status,) = diagnostics.take()[0].message.status
-    assert status.name == "drive: tracking"
-    assert status.values[0].key == "position error (m)"
+    messages = [each.message for each in diagnostics.take()]
+    tracking, state = messages[0].status
+    assert tracking.name == "drive: tracking"
+    assert tracking.values[0].key == "position error (m)"
+    assert (state.level, state.name, state.message) == (0, "drive: drive", "driving")
+    (end,) = messages[-1].status
+    assert (end.level, end.message) == (0, result.ending)
     plan = plans.take()[0].message
     assert (plan.header.frame_id, len(plan.poses)) == ("map", 21)
 
@@ -204,28 +209,6 @@ def test_a_jump_of_the_localisation_holds_the_robot():
     assert held.reason.startswith("the pose jumps by ")
     assert result.ending == "end of the test"
     assert at_rest[0] < 0.02
-
-
-def test_another_publisher_of_commands_is_refused(world):
-    _, follower, user = world
-    user.publisher("/cmd_vel", "geometry_msgs/msg/Twist")
-    with pytest.raises(LinkLost, match="/user also commands /cmd_vel"):
-        follower.drive(circle(2.0))
-
-
-def test_another_publisher_during_a_drive_ends_it(world):
-    _, follower, user = world
-    made, calls = [], []
-
-    def intrude(_controls):
-        """Publish commands 2 s after the link is open: a publisher at its opening is refused."""
-        if follower.link._commands is not None and follower.link._robots():
-            calls.append(1)
-        if not made and len(calls) > 100:
-            made.append(user.publisher("/cmd_vel", "geometry_msgs/msg/Twist"))
-
-    result = follower.drive(circle(20.0), watch=intrude)
-    assert "/user also commands /cmd_vel" in result.ending
 
 
 def test_no_robot_is_an_error_that_names_the_domain():
@@ -389,7 +372,7 @@ def test_parameters_are_those_of_a_ros_file(tmp_path):
         ("omnidrive_drive: {ros__parameters: {max_speed: -1.0}}", "max_speed is -1 m/s"),
         ("omnidrive_drive: {ros__parameters: {command_type: Wrench}}", "one of Twist"),
         ("omnidrive_drive: {rate: 5.0}", "no mapping ros__parameters"),
-        ("controller_server: {ros__parameters: {a: 1}}", "there are controller_server"),
+        ("controller_server: {ros__parameters: {a: 1}}", "its nodes are 'controller_server'"),
         ("omnidrive_drive: {ros__parameters: {controller: {horizon: 3}}}", "has no type"),
         ("- 1", "no mapping"),
     ],

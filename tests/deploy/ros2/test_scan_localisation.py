@@ -9,7 +9,7 @@ import pytest
 from omnidrive.control import FeedforwardController
 from omnidrive.deploy.drive_state import DriveState
 from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
-from omnidrive.deploy.ros2 import Node, message_type
+from omnidrive.deploy.ros2 import Node, Ros2Robot, Ros2RobotSettings, message_type
 from omnidrive.deploy.ros2.drive_reports import ReportedPipeline
 from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
@@ -19,8 +19,9 @@ from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation, odometry_a
 from omnidrive.deploy.ros2.transform_tree import Frames
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import Pose
-from omnidrive.maps import OccupancyGrid
+from omnidrive.maps import OccupancyGrid, paper_map
 from omnidrive.reference import Hold
+from omnidrive.simulation import KinematicPlant
 from tests.deploy.ros2.peer_process import new_domain, running_peer
 from tests.deploy.ros2.robot_process import ROBOT, Odometer, running_robot
 
@@ -88,6 +89,33 @@ def test_a_drive_is_localised_by_scans_alone():
     last = result.run.pose[-1]
     assert hypot(pose.x - last[0], pose.y - last[1]) < 0.08
     assert pose.x > START.x + 0.3
+
+
+@pytest.mark.parametrize("start", [(1.5, 1.5), (5.0, 7.0), (7.6, 1.0)])
+def test_a_simulated_robot_is_localised_by_its_own_scans_on_the_map_of_the_paper(start):
+    """The rays end at walls around the map, which are cells of the published one."""
+    domain = new_domain()
+    pose = Pose(*start, 0.3)
+    with Node("robot", **options(domain)) as served, Node("drive", **options(domain)) as node:
+        settings = Ros2RobotSettings(localised=False)
+        robot = Ros2Robot(
+            served, KinematicPlant(ROBOT), ROBOT, pose, settings=settings, grid=paper_map()
+        )
+        near = Pose(pose.x + 0.1, pose.y - 0.1, 0.2)
+        scans = ScanLocalisation(node, Frames(), initial=near)
+        source = PoseSource(node, ROBOT, Frames(), time.time, scans=scans)
+        assert served.wait_for(lambda: robot._publishers["scan"].matched, 10.0)
+        found = []
+
+        def localised():
+            robot.step()
+            found.append(source.read())
+            return found[-1]
+
+        assert node.wait_for(localised, 20.0), (source.refused, scans.fault)
+    fix = found[-1].pose
+    assert hypot(fix.x - pose.x, fix.y - pose.y) < 0.15
+    assert abs(fix.yaw - pose.yaw) < 0.05
 
 
 @pytest.mark.long

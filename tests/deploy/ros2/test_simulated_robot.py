@@ -1,5 +1,6 @@
 """A simulated robot in the graph: commands in; odometry, transforms, scans out."""
 
+from dataclasses import replace
 from math import atan2, cos, hypot, nan, sin
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omnidrive.deploy.ros2 import LATCHED_QOS, SENSOR_QOS, Node, message_type
+from omnidrive.deploy.ros2 import LATCHED_QOS, SENSOR_QOS, Node, Qos, message_type
 from omnidrive.deploy.ros2.planar_messages import (
     compose,
     grid_of,
@@ -116,7 +117,7 @@ def test_it_moves_as_commanded_and_reports_it(bench):
     np.testing.assert_allclose(joints.velocity, expected, atol=0.1)
 
 
-def test_it_stops_without_commands_and_refuses_others(bench):
+def test_it_stops_without_commands_and_refuses_others(bench, caplog):
     robot, stamped = bench.robot, bench.robot.settings.command_type == "TwistStamped"
     bench.command(0.2, 0.0, 0.0)
     for _ in range(9):
@@ -130,8 +131,46 @@ def test_it_stops_without_commands_and_refuses_others(bench):
     if stamped:
         bench.command(0.2, 0.0, 0.0, t=robot.now - 0.6)
         assert (robot.commands, robot.refused) == (1, 2)
+        assert "a command is refused: its stamp is 0.6 s old" in caplog.messages
     bench.command(1e6, 0.0, 0.0, t=robot.now)
     assert ROBOT.chassis.wheel_speeds(robot._command).max() <= ROBOT.max_wheel_speed * 1.001
+
+
+def test_a_stamp_of_another_time_is_reported_once_with_both_times(bench, caplog):
+    robot = bench.robot
+    if robot.settings.command_type == "Twist":
+        pytest.skip("a Twist has no stamp")
+    now, refused = robot.now, robot.refused
+    for _ in range(2):
+        bench.command(0.2, 0.0, 0.0, t=1.7e9)
+    assert robot.refused == refused + 2
+    (said,) = [each for each in caplog.messages if "is refused" in each and "1700000000" in each]
+    assert f"the time is {now:.0f} s" in said
+    assert "use_sim_time" in said
+
+
+def test_scans_reach_subscriptions_of_each_reliability(bench):
+    reliable = bench.client.subscription("/scan", "sensor_msgs/msg/LaserScan")
+    assert bench.client.wait_for(lambda: reliable.matched and bench.scans.matched, 5.0)
+    (offered,) = [each.qos for each in bench.client.graph().publishers("/scan")]
+    assert Qos().fault(offered) is None
+    assert SENSOR_QOS.fault(offered) is None
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7])
+def test_the_published_map_has_the_walls_that_the_scanner_sees(yaw):
+    """Rays on the published map, without walls around it, are those that the scanner measures."""
+    open_grid = OccupancyGrid(np.zeros((20, 30), bool), 0.2, (1.0, -2.0), yaw=yaw)
+    shown = grid_of(map_message(open_grid.bordered(), message_type("nav_msgs/msg/OccupancyGrid")()))
+    x, y = open_grid.centre(9, 12)
+    bearings = np.linspace(-3.1, 3.1, 60)
+    seen = scan_ranges(open_grid, Pose(x, y, 0.3), bearings, 20.0)
+    assert np.isfinite(seen).all()
+    ranges = scan_ranges(replace(shown, walled=False), Pose(x, y, 0.3), bearings, 20.0)
+    np.testing.assert_allclose(ranges, seen, atol=1e-3)
+    assert GRID.bordered() is GRID
+    walled = replace(GRID, walled=True)
+    assert walled.bordered() is walled
 
 
 def test_it_publishes_map_description_scanner_and_clock(bench):

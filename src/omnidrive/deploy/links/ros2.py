@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from dataclasses import dataclass, field
 from math import isfinite
@@ -11,20 +12,24 @@ from omnidrive.control import CommandValue
 from omnidrive.control.controller import STOP
 from omnidrive.deploy.clock import Clock
 from omnidrive.deploy.robot_link import LinkCapabilities, LinkLost
-from omnidrive.deploy.ros2.dds import SENSOR_QOS, Qos
-from omnidrive.deploy.ros2.graph import describe
+from omnidrive.deploy.ros2.command_rivals import CommandRivals
+from omnidrive.deploy.ros2.names import resolve
 from omnidrive.deploy.ros2.node import Node, Publisher, Subscription
 from omnidrive.deploy.ros2.planar_messages import set_twist
 from omnidrive.deploy.ros2.pose_source import PoseSource
+from omnidrive.deploy.ros2.qos import SENSOR_QOS
 from omnidrive.deploy.ros2.ros_time import RosClock, stamp
 from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation
 from omnidrive.deploy.ros2.transform_tree import Frames
-from omnidrive.errors import InvalidInput, one_line
+from omnidrive.errors import InvalidInput
 from omnidrive.estimation import SensorReadings
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.parameter import Bounds, check_bounds, check_choice
 from omnidrive.robot import Robot
 
+_log = logging.getLogger("omnidrive")
+_LISTENING_TIME = 0.25
+"""Time for which the commands of other publishers are waited for at the first opening, s."""
 _TYPES = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/Twist")
 
 
@@ -42,6 +47,8 @@ class Ros2LinkSettings:
     """Topic of commands."""
     command_type: Literal["Twist", "TwistStamped"] | None = None
     """Type of commands; None: that of the robot's subscription."""
+    allowed_publishers: tuple[str, ...] = ()
+    """Nodes that may send commands besides the drive, such as ``/collision_monitor``."""
     odom: str = "/odom"
     """Topic of odometry."""
     localisation: str = "/amcl_pose"
@@ -73,8 +80,9 @@ class Ros2LinkSettings:
 class Ros2Link:
     """A robot that takes twists on ``/cmd_vel`` and reports its pose in the graph.
 
-    Another publisher of the commands is an error: one program drives the robot. If poses or the
-    robot's subscription are lost, no readings arrive, and a drive holds the robot.
+    A command of another node is an error: one program drives the robot. Publishers that are idle
+    do not disturb. If poses or the robot's subscription are lost, no readings arrive, and a drive
+    holds the robot.
 
     Args:
         node: The node; the caller closes it.
@@ -82,7 +90,8 @@ class Ros2Link:
         settings: Topics and frames.
 
     Raises:
-        InvalidInput: The number of wheel joints is not that of the wheels.
+        InvalidInput: The number of wheel joints is not that of the wheels, or the topic of commands
+            or an allowed node has no name of ROS 2.
     """
 
     def __init__(
@@ -104,7 +113,9 @@ class Ros2Link:
         self.poses = PoseSource(node, robot, frames, self.ros_clock.now, *topics, self.scans)
         self._clock: Clock | None = None
         self._commands: Publisher | None = None
-        self._rivals: Subscription | None = None
+        self._rivals: CommandRivals | None = None
+        self._allowed = {resolve(f"/{n.strip('/')}") for n in settings.allowed_publishers}
+        self._topic = resolve(settings.cmd_vel, node.namespace, node=node.name)
         self._joints: Subscription | None = None
         if settings.wheel_joints:
             self._joints = node.subscription(
@@ -132,11 +143,13 @@ class Ros2Link:
         """
         self._clock = clock
         if self._commands is None:
-            kind = self._command_type()
-            self._commands = self.node.publisher(self.settings.cmd_vel, kind)
-            self._rivals = self.node.subscription(self.settings.cmd_vel, kind, Qos(depth=1))
+            commands = self.node.publisher(self._topic, self._command_type())
+            self._commands = commands
+            self._rivals = CommandRivals(self.node, commands, self._allowed)
             self.node.wait_for(lambda: self._robots() > 0, self.settings.timeout)
-        self._check_rivals(by_graph=True)
+            self._note_rivals(self._rivals)
+        elif self._rivals is not None:
+            self._rivals.forget()
         if self.settings.use_sim_time and not self.node.wait_for(
             lambda: self.ros_clock.now() is not None, self.settings.timeout
         ):
@@ -149,7 +162,7 @@ class Ros2Link:
         """Return the newest pose and wheel angles; None: no new pose arrived.
 
         Raises:
-            LinkLost: Another node publishes commands.
+            LinkLost: Another node sends commands.
         """
         self._check_rivals()
         self._read_joints()
@@ -167,7 +180,7 @@ class Ros2Link:
     def fault(self) -> str:
         """Why no poses arrive, in one line; empty: not known."""
         if self._robots() == 0:
-            return f"nothing subscribes to {self.settings.cmd_vel} any more"
+            return f"nothing subscribes to {self._topic} any more"
         return self.poses.fault
 
     def send(self, value: CommandValue) -> None:
@@ -177,7 +190,7 @@ class Ros2Link:
             InvalidInput: It is no body twist, or not finite.
         """
         if not isinstance(value, BodyTwist) or not all(map(isfinite, value)):
-            raise InvalidInput(f"{self.settings.cmd_vel} takes finite body twists, got {value}")
+            raise InvalidInput(f"{self._topic} takes finite body twists, got {value}")
         if self._commands is None:
             return
         self.sent = value
@@ -211,7 +224,7 @@ class Ros2Link:
         Raises:
             LinkLost: Nothing subscribes to the topic, or with another type.
         """
-        topic = self.settings.cmd_vel
+        topic = self._topic
         if self.settings.command_type is not None:
             return f"geometry_msgs/msg/{self.settings.command_type}"
         end = time.monotonic() + self.settings.timeout
@@ -233,16 +246,27 @@ class Ros2Link:
         """Return the number of subscriptions of the commands, without that of this link."""
         return self._commands.matched - 1 if self._commands else 0
 
-    def _check_rivals(self, *, by_graph: bool = False) -> None:
-        """Raise LinkLost if another node publishes commands."""
-        if self._rivals is None or not (by_graph or self._rivals.matched > 1):
-            return
-        others = self.node.graph().publishers(self.settings.cmd_vel, of_others=True)
-        if others:
-            names = ", ".join(sorted({one_line(describe(each), 80) for each in others}))
+    def _note_rivals(self, rivals: CommandRivals) -> None:
+        """Note other publishers of commands, and raise LinkLost if one is not idle."""
+        names = rivals.names()
+        if names:
+            end = time.monotonic() + _LISTENING_TIME
+            while time.monotonic() < end:
+                self._check_rivals()
+                time.sleep(0.01)
+            _log.warning(
+                "%s can also command %s: a drive ends when one of them does",
+                ", ".join(names),
+                self._topic,
+            )
+
+    def _check_rivals(self) -> None:
+        """Raise LinkLost if another node has sent a command."""
+        name = self._rivals.heard() if self._rivals is not None else ""
+        if name:
             raise LinkLost(
-                f"{names} also commands {self.settings.cmd_vel}: stop it, one program drives the "
-                "robot"
+                f"{name} also commands {self._topic}: stop it, one program drives the robot, or "
+                f"allow it: --allow-publisher {name}"
             )
 
     def _read_joints(self) -> None:

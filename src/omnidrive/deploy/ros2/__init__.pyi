@@ -1,10 +1,10 @@
 from .cdr import decode, encode
-from .dds import LATCHED_QOS, SENSOR_QOS, Qos
 from .doctor import Examination, Finding, diagnose, examine
 from .graph import Endpoint, Graph, Participant
 from .interface import Distribution, definition_text, interface, interfaces
 from .message import Message, message_type
 from .node import Node, Publisher, Received, Subscription
+from .qos import LATCHED_QOS, SENSOR_QOS, Qos
 from .simulated_robot import Ros2Robot, Ros2RobotSettings
 from .type_hash import type_hash
 

@@ -8,11 +8,12 @@ from functools import cache
 from importlib import import_module
 from ipaddress import ip_address
 from socket import AF_INET, getaddrinfo
-from typing import Any, NamedTuple
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from omnidrive.deploy.ros2.interface import LATEST, PRIMITIVES, Distribution, Field, interface
 from omnidrive.deploy.ros2.names import dds_type_name
+from omnidrive.deploy.ros2.qos import Qos
 from omnidrive.deploy.ros2.type_hash import NO_FIELDS, type_hash
 from omnidrive.errors import InvalidInput, MissingExtra, one_line, short_repr
 
@@ -32,35 +33,6 @@ def cyclonedds(module: str) -> Any:
         raise MissingExtra(
             "ROS 2 needs the package cyclonedds: pip install 'cyclonedds>=11.0'"
         ) from None
-
-
-class Qos(NamedTuple):
-    """Quality of service of a publisher or subscription; the default is that of ROS 2."""
-
-    reliable: bool = True
-    """Whether lost messages are sent again."""
-    transient_local: bool = False
-    """Whether subscriptions that join later receive the last messages."""
-    depth: int = 10
-    """Number of messages kept; 0: all."""
-
-    def fault(self, offered: Qos) -> str | None:
-        """Return why a subscription with these demands gets nothing; None: it is compatible.
-
-        Args:
-            offered: What the publisher offers.
-        """
-        if self.reliable and not offered.reliable:
-            return "the subscription is reliable, the publisher best effort"
-        if self.transient_local and not offered.transient_local:
-            return "the subscription is transient local, the publisher volatile"
-        return None
-
-
-SENSOR_QOS = Qos(reliable=False)
-"""Quality of service of sensor data, which any publisher satisfies."""
-LATCHED_QOS = Qos(transient_local=True, depth=1)
-"""Quality of service of maps and descriptions, which late subscriptions receive, too."""
 
 
 def dds_qos(qos: Qos, user_data: bytes) -> Any:
@@ -84,17 +56,6 @@ def dds_qos(qos: Qos, user_data: bytes) -> Any:
     if qos.transient_local:
         policies.append(policy.DurabilityService(0, history, -1, -1, -1))
     return cyclonedds("core").Qos(*policies)
-
-
-def ros_qos(qos: Any) -> Qos:
-    """Return the quality of service of a discovered endpoint."""
-    policy = cyclonedds("core").Policy
-    history = qos[policy.History]
-    return Qos(
-        reliable=policy.Reliability.Reliable in qos,
-        transient_local=policy.Durability.Volatile not in qos,
-        depth=getattr(history, "depth", 0) if history is not None else 1,
-    )
 
 
 def user_data(qos: Any) -> dict[str, str]:

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Literal, NamedTuple
 
-from omnidrive.deploy.ros2.dds import SENSOR_QOS
 from omnidrive.deploy.ros2.graph import Endpoint, Graph, describe
 from omnidrive.deploy.ros2.interface import Distribution, interfaces
 from omnidrive.deploy.ros2.node import Node, Subscription
+from omnidrive.deploy.ros2.qos import SENSOR_QOS
 from omnidrive.deploy.ros2.ros_time import seconds
-from omnidrive.deploy.ros2.type_hash import type_hash
+from omnidrive.deploy.ros2.type_hash import distributions_with, type_hash
 
 STAMPED = {
     "geometry_msgs/msg/PoseWithCovarianceStamped",
@@ -210,13 +210,26 @@ def _of(graph: Graph, topic: str, kind: str) -> Iterable[Endpoint]:
 def _hashes(graph: Graph, distribution: Distribution) -> Iterator[Finding]:
     known = interfaces(distribution)
     for each in graph.endpoints:
-        own = each.type_hash and each.type in known
-        if own and each.type_hash != type_hash(each.type, distribution):
+        if not each.type_hash or each.type not in known:
+            continue
+        own = type_hash(each.type, distribution)
+        others = distributions_with(each.type, each.type_hash)
+        if distribution in others:
+            continue
+        if others:
             yield Finding(
                 "error",
-                f"{describe(each)} has another definition of {each.type} on {each.topic} than "
-                f"{distribution}",
-                "use the same distribution, or name that of the others: --distribution",
+                f"{describe(each)} has the definition of {each.type} of {', '.join(others)} on "
+                f"{each.topic}, not that of {distribution}",
+                f"use one distribution, or name that of the others: --distribution {others[0]}",
+            )
+        else:
+            yield Finding(
+                "warning",
+                f"{describe(each)} has a definition of {each.type} on {each.topic} that is not "
+                f"known: {each.type_hash}; that of {distribution} is {own}",
+                "a later release may have other fields, and messages are then refused: report it "
+                f"with the output of: ros2 interface show {each.type}",
             )
 
 
@@ -239,7 +252,8 @@ def _commands(graph: Graph) -> Iterator[Finding]:
         yield Finding(
             "warning",
             f"{len(publishers)} publishers on {COMMANDS}: {names}",
-            "only one may command a robot: stop the others, or use a multiplexer such as twist_mux",
+            "idle ones do not disturb, but only one may send: stop the others, or use a "
+            "multiplexer such as twist_mux",
         )
     if not takers:
         yield Finding(

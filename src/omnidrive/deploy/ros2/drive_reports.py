@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field
 from math import hypot, inf
 from typing import Any
@@ -18,15 +19,18 @@ from omnidrive.reference import Reference
 
 _PERIOD = 0.2  # s
 _AHEAD, _POINTS = 2.0, 20  # s
-_LEVELS = {Status.OK: 0, Status.FALLBACK: 1}
-_ERROR_LEVEL = 2
+_REPEATED = 1.0  # s
+OK, WARN, ERROR = range(3)
+"""Levels of ``diagnostic_msgs/msg/DiagnosticStatus``."""
+_LEVELS = {Status.OK: OK, Status.FALLBACK: WARN}
 
 
 class DriveReports:
     """Publishers of a drive's progress: ``/diagnostics``, ``/local_plan`` and ``/markers``.
 
     ``/diagnostics`` has the tracking error, the age of the pose and the status of the controller,
-    ``/local_plan`` the reference in the next two seconds, ``/markers`` the reference pose.
+    and the state of the drive: why the last one ended, or why a path is not driven. ``/local_plan``
+    has the reference in the next two seconds, ``/markers`` the reference pose.
 
     Args:
         node: The node.
@@ -39,11 +43,27 @@ class DriveReports:
         self._diagnostics = node.publisher("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
         self._plan = node.publisher("local_plan", "nav_msgs/msg/Path")
         self._markers = node.publisher("markers", "visualization_msgs/msg/MarkerArray")
+        self._state = OK, "waiting"
+        self._published = -inf
+
+    def report(self, level: int, message: str) -> None:
+        """Publish the state of the drive: a level, and why in one line."""
+        self._state = level, message
+        self._publish_statuses([self._drive_status()])
+
+    def begin(self) -> None:
+        """Note that a drive begins; :meth:`publish` reports it."""
+        self._state = OK, "driving"
+
+    def repeat(self) -> None:
+        """Publish the last state of the drive again, once a second."""
+        if time.monotonic() - self._published > _REPEATED:
+            self._publish_statuses([self._drive_status()])
 
     def publish(self, t: float, step: PipelineStep, reference: Reference) -> None:
         """Publish the progress at ``t`` (s) of the reference."""
-        now = stamp(self._clock.now() or 0.0, self._node.distribution)
-        self._publish_diagnostics(now, step)
+        self._publish_statuses([self._tracking_status(step), self._drive_status()])
+        now = self._now()
         if self._plan.matched:
             times = [t + _AHEAD * k / _POINTS for k in range(_POINTS + 1)]
             poses = [reference.at(min(each, reference.duration)).pose for each in times]
@@ -62,7 +82,21 @@ class DriveReports:
             path.poses.append(each)
         return path
 
-    def _publish_diagnostics(self, now: Message, step: PipelineStep) -> None:
+    def _now(self) -> Message:
+        return stamp(self._clock.now() or 0.0, self._node.distribution)
+
+    def _publish_statuses(self, statuses: list[Message]) -> None:
+        self._published = time.monotonic()
+        message = self._diagnostics.message(status=statuses)
+        message.header.stamp = self._now()
+        self._diagnostics.publish(message)
+
+    def _drive_status(self) -> Message:
+        level, text = self._state
+        make = message_type("diagnostic_msgs/msg/DiagnosticStatus", self._node.distribution)
+        return make(level=level, name=f"{self._node.name}: drive", message=text)
+
+    def _tracking_status(self, step: PipelineStep) -> Message:
         pose, target = step.state.pose, step.target
         make = message_type("diagnostic_msgs/msg/KeyValue", self._node.distribution)
         values = {
@@ -71,15 +105,12 @@ class DriveReports:
             "age of the pose (s)": step.state.fix_age,
             "step time (us)": step.step_time,
         }
-        status = message_type("diagnostic_msgs/msg/DiagnosticStatus", self._node.distribution)(
-            level=_LEVELS.get(step.command.status, _ERROR_LEVEL),
+        return message_type("diagnostic_msgs/msg/DiagnosticStatus", self._node.distribution)(
+            level=_LEVELS.get(step.command.status, ERROR),
             name=f"{self._node.name}: tracking",
             message=step.command.message.partition("\n")[0] or step.command.status.name.lower(),
             values=[make(key=key, value=f"{value:.6g}") for key, value in values.items()],
         )
-        message = self._diagnostics.message(status=[status])
-        message.header.stamp = now
-        self._diagnostics.publish(message)
 
     def _arrow(self, now: Message, pose: Pose) -> Message:
         """Return an arrow at the reference pose."""

@@ -57,6 +57,8 @@ class DriveSettings:
     """Topic of commands."""
     command_type: Literal["Twist", "TwistStamped"] | None = None
     """Type of commands; None: that of the robot's subscription."""
+    allowed_publishers: tuple[str, ...] = ()
+    """Nodes that may send commands besides the drive; a command of another node ends it."""
     odom: str = "/odom"
     """Topic of odometry."""
     plan: str = "/plan"
@@ -114,6 +116,7 @@ class DriveSettings:
             frames=Frames(self.world_frame, self.odom_frame, self.base_frame),
             cmd_vel=self.cmd_vel,
             command_type=self.command_type,
+            allowed_publishers=self.allowed_publishers,
             odom=self.odom,
             map=self.map,
             scan=self.scan,
@@ -253,6 +256,10 @@ def _checked(name: str, value: Any, hint: Any) -> Any:
             allowed = ", ".join(get_args(kind))
             raise InvalidInput(f"{name} is one of {allowed}, got {short_repr(value)}")
         return value
+    if get_origin(kind) is tuple:
+        if not isinstance(value, list | tuple) or not all(isinstance(each, str) for each in value):
+            raise InvalidInput(f"{name} must be a list of texts, got {short_repr(value)}")
+        return tuple(value)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if not isinstance(value, kind):

@@ -15,10 +15,11 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.drive import DriveResult
-from omnidrive.deploy.ros2.dds import LATCHED_QOS
 from omnidrive.deploy.ros2.message import Message, message_type
-from omnidrive.deploy.ros2.path_follower import PathFollower
-from omnidrive.deploy.ros2.path_reference import is_same_ahead, path_poses
+from omnidrive.deploy.ros2.path_feedback import fill_feedback
+from omnidrive.deploy.ros2.path_follower import NoPose, PathFollower
+from omnidrive.deploy.ros2.path_reference import UnknownFrame, is_same_ahead, path_poses
+from omnidrive.deploy.ros2.qos import LATCHED_QOS
 from omnidrive.deploy.ros2.ros_time import stamp
 from omnidrive.deploy.ros2.service import ACTIVE, FINALIZED, Lifecycle, Service
 from omnidrive.errors import InvalidMessage, InvalidReference, OmnidriveError, one_line
@@ -28,12 +29,12 @@ _POLL, _FEEDBACK_PERIOD = 0.005, 0.1  # s
 _MOST_GOALS = 100
 UNKNOWN, ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(7)
 """Status of a goal, as in ``action_msgs/msg/GoalStatus``."""
-_FAILED, _INVALID_PATH = 100, 103
-"""Error codes of ``nav2_msgs/action/FollowPath``."""
+_FAILED, _TF_ERROR, _INVALID_PATH = 100, 102, 103
+"""Error codes of ``nav2_msgs/action/FollowPath``, alike from Iron on; Humble has none."""
 _CANCEL_REJECTED = 1
 _TYPE = "nav2_msgs/action/FollowPath"
 _IDENTITY_TYPE = "unique_identifier_msgs/msg/UUID"
-_NEW_GOAL = "a new goal"
+_NEW_GOAL, _REPLACED = "a new goal", "replaced by a new goal"
 
 
 @dataclass(eq=False)
@@ -116,8 +117,7 @@ class FollowPathServer:
             while self._goes_on and (drives is None or self._done < drives):
                 goal = self._next_goal()
                 if goal is None:
-                    self._follower.link.poses.read()
-                    self._follower.requests.pass_on(DriveControls())
+                    self._follower.idle()
                     time.sleep(_POLL)
                     continue
                 result = self._drive(goal)
@@ -175,13 +175,14 @@ class FollowPathServer:
         """Drive along a path; return the result, the error code of Nav2 and the reason."""
         self._decode(goal)
         if goal.poses is None:
-            return None, _INVALID_PATH, goal.message
+            self._follower.refuse(f"a goal is not driven: {goal.message}")
+            return None, goal.error_code, goal.message
         try:
             reference = self._follower.reference_along(goal.poses)
             result = self._follower.drive(reference, watch=self._watch, controls=controls)
         except OmnidriveError as error:
-            code = _INVALID_PATH if isinstance(error, InvalidReference) else _FAILED
-            return None, code, str(error)
+            self._follower.refuse(f"a goal is not driven: {error}")
+            return None, _error_code(error), str(error)
         return (result, 0, "") if result.finished else (result, _FAILED, result.ending)
 
     def _decode(self, goal: Goal) -> None:
@@ -193,7 +194,7 @@ class FollowPathServer:
             path = self._send.request(goal.data).goal.path
             goal.poses = path_poses(path, source.frames.world, source.tree)
         except (InvalidReference, InvalidMessage) as error:
-            goal.message = str(error)
+            goal.message, goal.error_code = str(error), _error_code(error)
         goal.data = b""
 
     def _watch(self, controls: DriveControls) -> None:
@@ -240,7 +241,7 @@ class FollowPathServer:
         with self._lock:
             former, self._present = self._present, goal
             if former is not None:
-                self._end(former, "replaced by a new goal", _FAILED)
+                self._end(former, _REPLACED, _FAILED)
             self._change(goal, EXECUTING)
             self._done += 1
 
@@ -252,7 +253,7 @@ class FollowPathServer:
         if accepted:
             for each in self._goals.values():
                 if each.status == ACCEPTED:
-                    self._change(each, ABORTED)
+                    self._end(each, _REPLACED, _FAILED)
             over = [k for k, each in self._goals.items() if each.is_over]
             for old in over[: max(len(self._goals) - _MOST_GOALS, 0)]:
                 del self._goals[old]
@@ -296,7 +297,7 @@ class FollowPathServer:
         fields = {each.name for each in response.result.interface.fields}
         if "error_code" in fields:  # from Iron on
             response.result.error_code = goal.error_code
-        if "error_msg" in fields:  # from Kilted on
+        if "error_msg" in fields:  # from Jazzy on
             response.result.error_msg = goal.message
         return response
 
@@ -330,7 +331,17 @@ class FollowPathServer:
         self._fed = now
         message = self._feedback.message()
         message.goal_id.uuid = list(goal.identity)
-        x, y, _ = goal.poses[-1].tolist()
-        message.feedback.distance_to_goal = hypot(x - pose.x, y - pose.y)
-        message.feedback.speed = hypot(*self._follower.link.sent[:2])
+        head = message_type("std_msgs/msg/Header", self._node.distribution)(
+            stamp(self._follower.link.ros_clock.now() or 0.0, self._node.distribution),
+            poses.frames.world,
+        )
+        speed = hypot(*self._follower.link.sent[:2])
+        fill_feedback(message.feedback, goal.poses, pose, speed, head)
         self._feedback.publish(message)
+
+
+def _error_code(error: OmnidriveError) -> int:
+    """Return the code with which Nav2's controller server reports an error."""
+    if isinstance(error, UnknownFrame | NoPose):
+        return _TF_ERROR
+    return _INVALID_PATH if isinstance(error, InvalidReference | InvalidMessage) else _FAILED

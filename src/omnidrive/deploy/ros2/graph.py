@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from omnidrive.deploy.ros2.dds import Qos
+from omnidrive.deploy.ros2.dds import cyclonedds, user_data
+from omnidrive.deploy.ros2.names import ros_topic, ros_type_name
+from omnidrive.deploy.ros2.qos import Qos, ros_qos
 
 
 class Endpoint(NamedTuple):
@@ -97,3 +99,27 @@ class Graph(NamedTuple):
 def describe(endpoint: Endpoint) -> str:
     """Return the node of an endpoint for messages; without one the start of its identity."""
     return endpoint.node or f"participant {endpoint.participant[:12].hex()}"
+
+
+def discovered(sample: Any, publishes: bool, owners: dict[bytes, str]) -> Endpoint | None:
+    """Return the endpoint of a sample of discovery; None if it is not of ROS 2.
+
+    Args:
+        sample: Sample of the DDS topic of publications or subscriptions.
+        publishes: Whether it is one of publications.
+        owners: Full names of nodes by the identities of their endpoints.
+    """
+    found = ros_topic(sample.topic_name)
+    if found is None:
+        return None
+    return Endpoint(
+        topic=found[0],
+        type=ros_type_name(sample.type_name),
+        node=owners.get(sample.key.bytes, ""),
+        publishes=publishes,
+        qos=ros_qos(sample.qos, cyclonedds("core").Policy),
+        type_hash=user_data(sample.qos).get("typehash", ""),
+        gid=sample.key.bytes,
+        participant=sample.participant_key.bytes,
+        prefix=found[1],
+    )

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple, get_args
 from omnidrive.errors import InvalidInput, one_line, suggestion
 from omnidrive.parameter import check_choice
 
-Distribution = Literal["humble", "iron", "jazzy", "kilted"]
+Distribution = Literal["humble", "iron", "jazzy", "kilted", "lyrical", "rolling"]
 """ROS 2 distributions whose definitions are known."""
 LATEST: Distribution = "jazzy"
 """Distribution that is assumed unless another one is given or detected."""

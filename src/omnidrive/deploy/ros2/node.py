@@ -2,39 +2,43 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any, NamedTuple, cast, get_args
 
 from omnidrive.deploy.ros2.cdr import decode, encode
 from omnidrive.deploy.ros2.dds import (
-    Qos,
     cyclonedds,
     dds_qos,
     dds_type,
     domain_number,
     endpoint_data,
     join_domain,
-    ros_qos,
     user_data,
 )
-from omnidrive.deploy.ros2.graph import Endpoint, Graph, Participant
+from omnidrive.deploy.ros2.graph import Graph, Participant, discovered
 from omnidrive.deploy.ros2.interface import LATEST, Distribution
 from omnidrive.deploy.ros2.message import Message, message_type
 from omnidrive.deploy.ros2.names import dds_topic, resolve, ros_topic, ros_type_name
+from omnidrive.deploy.ros2.qos import LATCHED_QOS, Qos
+from omnidrive.deploy.ros2.type_hash import distribution_of
 from omnidrive.errors import InvalidMessage
 from omnidrive.parameter import check_choice
 
+_log = logging.getLogger("omnidrive")
 _DISCOVERY_TOPIC = "ros_discovery_info"
 _ENTITIES = "rmw_dds_common/msg/ParticipantEntitiesInfo"
-_DISCOVERY_QOS = Qos(transient_local=True, depth=1)
+_DISCOVERY_QOS = LATCHED_QOS
 _DETECTION_TIME = 1.0
 """Time for which a node waits for others to learn their distribution, s."""
 _ANNOUNCEMENTS = 1024
 """Greatest number of announcements of other nodes that are kept until they are read: they have no
 key, so that the depth holds for all processes together."""
+_SETTLING_TIME = 0.1
+"""Time for which further endpoints are waited for after the first one, s."""
 _MOST = 4096
 """Greatest number of samples that are read at once."""
 
@@ -109,7 +113,9 @@ class Subscription:
         for raw in self.take_raw(most):
             try:
                 message = decode(raw.data, self.type, self._distribution)
-            except InvalidMessage:
+            except InvalidMessage as error:
+                if not self.refused:
+                    _log.warning("%s: a message is refused: %s", self.topic, error)
                 self.refused += 1
                 continue
             info = raw.sample_info
@@ -125,6 +131,11 @@ class Subscription:
         """Return the newest message that arrived since the last call; None: none arrived."""
         received = self.take()
         return received[-1].message if received else None
+
+    def publisher_gid(self, handle: int) -> bytes:
+        """Return the identity of a publisher by its handle; empty: it has left."""
+        found = self._reader.get_matched_publication_data(handle)
+        return found.key.bytes if found is not None else b""
 
     @property
     def matched(self) -> int:
@@ -143,8 +154,8 @@ class Node:
         domain: Number of the domain; None: ROS_DOMAIN_ID, or 0.
         peers: Hosts that are asked by unicast, such as ``localhost``; by default multicast finds
             all hosts of the network.
-        distribution: Distribution of the other nodes; None: ROS_DISTRO, or that of the nodes that
-            are seen in the first second, or :data:`LATEST`.
+        distribution: Distribution of the other nodes; None: ROS_DISTRO, or that whose definitions
+            have the hashes which nodes announce in the first second, or :data:`LATEST`.
 
     Raises:
         InvalidInput: A name, the domain or the distribution is not valid.
@@ -191,9 +202,10 @@ class Node:
         self._topics: dict[str, Any] = {}
         self._held: list[Any] = []  # a writer that is collected leaves the domain
         self.distribution: Distribution = distribution or self._detect()
-        self._info = self._publisher(_DISCOVERY_TOPIC, _ENTITIES, _DISCOVERY_QOS, b"")
+        data = endpoint_data(_ENTITIES, self.distribution)
+        self._info = self._publisher(_DISCOVERY_TOPIC, _ENTITIES, _DISCOVERY_QOS, data)
         self._infos = self._subscription(
-            _DISCOVERY_TOPIC, _ENTITIES, _DISCOVERY_QOS._replace(depth=_ANNOUNCEMENTS), b""
+            _DISCOVERY_TOPIC, _ENTITIES, _DISCOVERY_QOS._replace(depth=_ANNOUNCEMENTS), data
         )
         self._announce()
 
@@ -263,7 +275,7 @@ class Node:
                 found
                 for endpoints, publishes in ((publications, True), (subscriptions, False))
                 for each in endpoints
-                if (found := _endpoint(each, publishes, owners)) is not None
+                if (found := discovered(each, publishes, owners)) is not None
             ),
         )
 
@@ -363,37 +375,17 @@ class Node:
         named = os.environ.get("ROS_DISTRO", "")
         if named in get_args(Distribution):
             return cast(Distribution, named)
-        end = time.monotonic() + _DETECTION_TIME
-        while time.monotonic() < end:
-            hashes = self._hashes_of_others()
-            if hashes:
-                return LATEST if any(hashes) else "humble"
-            time.sleep(0.02)
-        return LATEST
+        if self.wait_for(self._hashes_of_others, _DETECTION_TIME):
+            time.sleep(_SETTLING_TIME)
+        return distribution_of(self._hashes_of_others()) or LATEST
 
-    def _hashes_of_others(self) -> list[str]:
-        """Return the hashes of the types of other nodes' topics, empty ones for Humble."""
-        samples: Iterable[Any] = self._views[1].read(_MOST, condition=self._alive[1])
+    def _hashes_of_others(self) -> list[tuple[str, str]]:
+        """Return the types of other nodes' topics with their hashes, empty ones for Humble."""
         return [
-            user_data(each.qos).get("typehash", "")
-            for each in samples
-            if each.participant_key.bytes != self.gid and ros_topic(each.topic_name)
+            (ros_type_name(each.type_name), user_data(each.qos).get("typehash", ""))
+            for view, alive in zip(self._views[1:], self._alive[1:], strict=True)
+            for each in view.read(_MOST, condition=alive)
+            if each.sample_info.valid_data
+            and each.participant_key.bytes != self.gid
+            and ros_topic(each.topic_name)
         ]
-
-
-def _endpoint(sample: Any, publishes: bool, owners: dict[bytes, str]) -> Endpoint | None:
-    """Return a discovered endpoint; None if it is not of ROS 2."""
-    found = ros_topic(sample.topic_name)
-    if found is None:
-        return None
-    return Endpoint(
-        topic=found[0],
-        type=ros_type_name(sample.type_name),
-        node=owners.get(sample.key.bytes, ""),
-        publishes=publishes,
-        qos=ros_qos(sample.qos),
-        type_hash=user_data(sample.qos).get("typehash", ""),
-        gid=sample.key.bytes,
-        participant=sample.participant_key.bytes,
-        prefix=found[1],
-    )

@@ -22,12 +22,13 @@ from omnidrive.deploy.links.ros2 import Ros2Link
 from omnidrive.deploy.log.drive_log import LogFolder
 from omnidrive.deploy.realtime import schedule_below_loop
 from omnidrive.deploy.robot_link import LinkLost
-from omnidrive.deploy.ros2.dds import LATCHED_QOS
 from omnidrive.deploy.ros2.drive_files import reference_file
+from omnidrive.deploy.ros2.drive_reports import ERROR, OK, WARN, DriveReports
 from omnidrive.deploy.ros2.node import Node, Subscription
 from omnidrive.deploy.ros2.path_continuation import PathContinuation
 from omnidrive.deploy.ros2.path_reference import is_same_ahead, path_poses, path_reference
 from omnidrive.deploy.ros2.planar_messages import grid_of, pose_of
+from omnidrive.deploy.ros2.qos import LATCHED_QOS
 from omnidrive.deploy.ros2.ros_time import SimulatedTimeClock
 from omnidrive.errors import InvalidInput, OmnidriveError, one_line
 from omnidrive.geometry import Pose
@@ -69,6 +70,10 @@ class DriveRequests:
             controls.arm()
 
 
+class NoPose(LinkLost):
+    """No pose of the robot arrives."""
+
+
 @dataclass
 class PathFollower:
     """Drives a robot along references, and along the paths and to the goals of other nodes.
@@ -81,6 +86,7 @@ class PathFollower:
         speed: Limit of the speed, m/s; None: that of the robot.
         margin: Distance from obstacles of a map, m, in addition to the robot's radius.
         logs: Folder of the logs. None: none are written.
+        reports: What is published of the drives. None: nothing.
     """
 
     link: Ros2Link
@@ -90,6 +96,9 @@ class PathFollower:
     speed: float | None = None
     margin: float = 0.1
     logs: LogFolder | None = None
+    reports: DriveReports | None = None
+    _refusal: str = ""
+    """Why the last path was not driven; it is logged once."""
     continuation: PathContinuation = field(init=False)
     """New paths during a drive."""
 
@@ -109,7 +118,7 @@ class PathFollower:
         """Return the pose of the robot in W.
 
         Raises:
-            LinkLost: None arrives in the time for which the link waits.
+            NoPose: None arrives in the time for which the link waits.
         """
         found: list[Pose] = []
         timeout = self.link.settings.timeout
@@ -124,11 +133,26 @@ class PathFollower:
         if not self.link.node.wait_for(arrives, timeout):
             frames = self.link.settings.frames
             reasons = list(self.link.poses.refused)[-3:] or ["none arrives"]
-            raise LinkLost(
+            raise NoPose(
                 f"no pose of {frames.base} in {frames.world} within {timeout:g} s: "
                 f"{'; '.join(reasons)}; see: omnidrive ros2 doctor"
             )
         return found[-1]
+
+    def idle(self) -> None:
+        """Read poses and requests between drives, and publish the state again."""
+        self.link.poses.read()
+        self.requests.pass_on(DriveControls())
+        if self.reports is not None:
+            self.reports.repeat()
+
+    def refuse(self, reason: str, level: int = ERROR) -> None:
+        """Log and publish why a path or goal is not driven."""
+        if reason != self._refusal:
+            _log.warning("%s", reason)
+        self._refusal = reason
+        if self.reports is not None:
+            self.reports.report(level, one_line(reason))
 
     def drive(
         self,
@@ -153,8 +177,8 @@ class PathFollower:
 
         files = reference_file(reference, 1.0 / self.rate)
         self.continuation.pipeline = self.pipeline
-        with _repeating(check, controls), self._continued():
-            return drive(
+        with _repeating(check, controls), self._reported_drive():
+            result = drive(
                 self.link,
                 self.pipeline,
                 reference,
@@ -163,12 +187,22 @@ class PathFollower:
                 clock=self.clock,
                 log=None if self.logs is None else self.logs.next(files),
             )
+        if self.reports is not None:
+            self.reports.report(OK if result.finished else ERROR, result.ending)
+        return result
 
     @contextmanager
-    def _continued(self) -> Iterator[None]:
-        """Abandon what is computed for new paths at the end of a drive."""
+    def _reported_drive(self) -> Iterator[None]:
+        """Report a drive; abandon what is computed for new paths at its end."""
+        self._refusal = ""
+        if self.reports is not None:
+            self.reports.begin()
         try:
             yield
+        except LinkLost as error:
+            if self.reports is not None:
+                self.reports.report(ERROR, one_line(str(error)))
+            raise
         finally:
             self.continuation.abandon()
 
@@ -244,8 +278,7 @@ class PlanFollower:
         while not self.follower.requests.stopped and (drives is None or self._done < drives):
             if self._next is None:
                 self._take()
-                self.follower.link.poses.read()
-                self.follower.requests.pass_on(DriveControls())
+                self.follower.idle()
                 if self._next is None:
                     time.sleep(_POLL)
                     continue
@@ -253,7 +286,7 @@ class PlanFollower:
             try:
                 reference = self._reference(task)
             except OmnidriveError as error:
-                _log.warning("not driven: %s", error)
+                self.follower.refuse(f"not driven: {error}")
                 continue
             result = self.follower.drive(reference, watch=self._watch)
             if self._next is None:  # not decided in time
@@ -301,17 +334,17 @@ class PlanFollower:
         """Take over new maps, paths and goals; malformed ones are reported."""
         poses = self.follower.link.poses
         for received in self._maps.take():
-            with _reported(self.map_topic):
+            with self._reported(self.map_topic):
                 self._grid = grid_of(received.message)
         for received in self._plans.take():
-            with _reported(self.plan_topic):
+            with self._reported(self.plan_topic):
                 found = path_poses(received.message, poses.frames.world, poses.tree)
                 position = poses.tree.pose(poses.frames.base, poses.frames.world)
                 old = self._present if self._following is None else self._following
                 if old is None or position is None or not is_same_ahead(found, old, position):
                     self._next = found
         for received in self._goals.take():
-            with _reported(self.goal_topic):
+            with self._reported(self.goal_topic):
                 message: Any = received.message
                 goal, frame = pose_of(message.pose), message.header.frame_id.removeprefix("/")
                 if frame not in {"", poses.frames.world} or not all(map(isfinite, goal)):
@@ -321,14 +354,13 @@ class PlanFollower:
                     )
                 self._next = goal
 
-
-@contextmanager
-def _reported(topic: str) -> Iterator[None]:
-    """Log an invalid message instead of raising."""
-    try:
-        yield
-    except OmnidriveError as error:
-        _log.warning("%s: %s", topic, error)
+    @contextmanager
+    def _reported(self, topic: str) -> Iterator[None]:
+        """Report an invalid message instead of raising."""
+        try:
+            yield
+        except OmnidriveError as error:
+            self.follower.refuse(f"{topic}: {error}", WARN)
 
 
 @contextmanager

@@ -38,6 +38,10 @@ _SHORTEST_BLEND, _BLEND_STEP = 0.15, 0.02
 """Length of the curve from a moving robot to its path, m, and distance between its points, m."""
 
 
+class UnknownFrame(InvalidReference):
+    """A path is in a frame that is not connected to the world frame."""
+
+
 def path_poses(message: Any, world: str, tree: TransformTree) -> Float[Array, "poses 3"]:
     """Return the poses of a ``nav_msgs/msg/Path`` in W; m, m, rad.
 
@@ -47,13 +51,13 @@ def path_poses(message: Any, world: str, tree: TransformTree) -> Float[Array, "p
         tree: Known transforms.
 
     Raises:
-        InvalidReference: There are no poses, too many, or one is not finite, or the frame is not
-            known in W.
+        UnknownFrame: The frame is not known in W.
+        InvalidReference: There are no poses, too many, or one is not finite.
     """
     frame = message.header.frame_id.removeprefix("/") or world
     offset = tree.pose(frame, world)
     if offset is None:
-        raise InvalidReference(
+        raise UnknownFrame(
             f"the path is in the frame {one_line(frame, 60)}, which is not known in {world}"
         )
     if not 0 < len(message.poses) <= _MOST_POSES:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from math import hypot, inf, isfinite, nan, sqrt
 from typing import Any
 
-from omnidrive.deploy.ros2.dds import LATCHED_QOS, SENSOR_QOS
+from omnidrive.deploy.ros2.names import resolve
 from omnidrive.deploy.ros2.node import Node, Subscription
 from omnidrive.deploy.ros2.planar_messages import (
     compose,
@@ -19,7 +19,8 @@ from omnidrive.deploy.ros2.planar_messages import (
     pose_of,
     transform_of,
 )
-from omnidrive.deploy.ros2.ros_time import seconds
+from omnidrive.deploy.ros2.qos import LATCHED_QOS, SENSOR_QOS
+from omnidrive.deploy.ros2.ros_time import other_time, seconds
 from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation
 from omnidrive.deploy.ros2.transform_tree import MOST_FRAMES, Frames, Transform, TransformTree
 from omnidrive.errors import one_line
@@ -149,7 +150,10 @@ class PoseSource:
         if now is None:
             return False
         age = now - stamp
-        if age > MAX_AGE:
+        mixed = other_time(stamp, now)
+        if mixed:
+            self._refuse(f"a pose is not of this time: {mixed}")
+        elif age > MAX_AGE:
             self._refuse(f"poses are {age:.3g} s old; are the computers' clocks synchronised?")
         elif age < -MAX_AHEAD:
             self._refuse(f"poses are {-age:.3g} s in the future; use_sim_time must be alike")
@@ -165,9 +169,10 @@ class PoseSource:
         wanted = {self.odometry_topic: "nav_msgs/msg/Odometry", "/tf": "tf2_msgs/msg/TFMessage"}
         seen = self.node.graph().topics()
         for topic, kind in wanted.items():
-            others = seen.get(topic, set()) - {kind}
+            name = resolve(topic, self.node.namespace, node=self.node.name)
+            others = seen.get(name, set()) - {kind}
             if others:
-                return f"{topic} is {', '.join(sorted(others))}, need {kind}"
+                return f"{name} is {', '.join(sorted(others))}, need {kind}"
         return ""
 
     def _is_localisation_lost(self) -> bool:

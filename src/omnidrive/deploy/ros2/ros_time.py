@@ -22,6 +22,20 @@ def stamp(t: float, distribution: Distribution) -> Message:
     return message_type(_STAMP, distribution)(sec=whole, nanosec=nanoseconds)
 
 
+_ANOTHER_TIME = 3600.0
+"""Difference of a stamp from the present time above which it is of another time, s."""
+
+
+def other_time(stamped: float, now: float) -> str:
+    """Return that a stamp is of another time than ``now`` (s), in one line; empty: it is not."""
+    if abs(stamped - now) <= _ANOTHER_TIME:
+        return ""
+    return (
+        f"its stamp is {stamped:.0f} s, but the time is {now:.0f} s: simulated and wall-clock time "
+        "are mixed; set use_sim_time alike in all nodes"
+    )
+
+
 class RosClock:
     """The time in which messages are stamped: that of the computer, or of ``/clock``.
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 from typing import Any, NamedTuple
 
-from omnidrive.deploy.ros2.dds import LATCHED_QOS, SENSOR_QOS
 from omnidrive.deploy.ros2.node import Node, Subscription
 from omnidrive.deploy.ros2.planar_messages import compose, grid_of, inverse, pose_of
+from omnidrive.deploy.ros2.qos import LATCHED_QOS, SENSOR_QOS
 from omnidrive.deploy.ros2.ros_time import seconds
 from omnidrive.deploy.ros2.transform_tree import Frames, TransformTree
 from omnidrive.errors import InvalidMap, one_line

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from dataclasses import dataclass, field
 from math import floor, inf, isfinite
@@ -12,7 +13,6 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.control.controller import STOP
-from omnidrive.deploy.ros2.dds import LATCHED_QOS, SENSOR_QOS
 from omnidrive.deploy.ros2.message import Message, message_type
 from omnidrive.deploy.ros2.node import Node
 from omnidrive.deploy.ros2.planar_messages import (
@@ -25,8 +25,9 @@ from omnidrive.deploy.ros2.planar_messages import (
     set_twist,
     twist_of,
 )
+from omnidrive.deploy.ros2.qos import LATCHED_QOS, Qos
 from omnidrive.deploy.ros2.robot_description import robot_description, wheel_joints
-from omnidrive.deploy.ros2.ros_time import seconds, stamp
+from omnidrive.deploy.ros2.ros_time import other_time, seconds, stamp
 from omnidrive.estimation import EncoderSettings
 from omnidrive.geometry import Pose, move, wrap
 from omnidrive.maps import OccupancyGrid
@@ -36,6 +37,9 @@ from omnidrive.simulation import Plant, PlantState
 from omnidrive.simulation.sensors.encoders import Encoders
 from omnidrive.simulation.sensors.lidar import LidarSettings
 
+_log = logging.getLogger("omnidrive")
+_SCAN_QOS = Qos(depth=5)
+"""Reliable, which also subscriptions of best effort receive, such as those of Nav2."""
 CommandType = Literal["Twist", "TwistStamped"]
 _ODOMETRY_SIGMAS = (0.01, 0.01, 0.01)  # m, m, rad
 _TWIST_SIGMAS = (0.02, 0.02, 0.02)  # m/s, m/s, rad/s
@@ -83,7 +87,7 @@ class Ros2Robot:
         robot: The robot.
         start: Pose at the start, in W, the frame ``map``.
         settings: Rates and types.
-        grid: Map that the scanner sees; None: no scanner.
+        grid: Map that the scanner sees; None: no scanner. Walls around it are published as cells.
         rng: Generator of the scanner's noise.
 
     Attributes:
@@ -105,7 +109,9 @@ class Ros2Robot:
     ) -> None:
         self.node, self.plant, self.robot, self.settings = node, plant, robot, settings
         self.commands = self.refused = self.skipped = 0
-        self._grid, self._rng = grid, rng or np.random.default_rng(0)
+        self._grid = None if grid is None else grid.bordered()  # what the scanner sees is on /map
+        self._rng = rng or np.random.default_rng(0)
+        self._reported: set[str] = set()
         self._dt = 1.0 / settings.rate
         self._steps = 0
         self._began = time.time()
@@ -164,14 +170,26 @@ class Ros2Robot:
             stamped = self.settings.command_type == "TwistStamped"
             twist = twist_of(message.twist if stamped else message)
             sent = seconds(message.header.stamp) if stamped else 0.0
-            old = sent != 0.0 and abs(self.now - sent) > self.settings.command_timeout
-            if old or not all(map(isfinite, twist)):
-                self.refused += 1
+            if not all(map(isfinite, twist)):
+                self._refuse("not finite", "it is not finite")
+                continue
+            if sent != 0.0 and abs(self.now - sent) > self.settings.command_timeout:
+                reason = other_time(sent, self.now)
+                age = f"its stamp is {abs(self.now - sent):.3g} s "
+                age += "old" if sent < self.now else "in the future"
+                self._refuse("time" if reason else "age", reason or age)
                 continue
             self._command, self._commanded = self.robot.drive.saturate(twist), now
             self.commands += 1
         if now - self._commanded > self.settings.command_timeout:
             self._command = STOP
+
+    def _refuse(self, kind: str, reason: str) -> None:
+        """Count a refused command; a reason of each kind is reported once."""
+        self.refused += 1
+        if kind not in self._reported:
+            self._reported.add(kind)
+            _log.warning("a command is refused: %s", reason)
 
     def _update_odometry(self) -> None:
         angles = self._encoders.read(self._state)
@@ -192,7 +210,7 @@ class Ros2Robot:
         if self.settings.clock:
             made["/clock"] = self.node.publisher("/clock", "rosgraph_msgs/msg/Clock")
         if self._grid is not None:
-            made["scan"] = self.node.publisher("scan", "sensor_msgs/msg/LaserScan", SENSOR_QOS)
+            made["scan"] = self.node.publisher("scan", "sensor_msgs/msg/LaserScan", _SCAN_QOS)
             made["map"] = self.node.publisher("map", "nav_msgs/msg/OccupancyGrid", LATCHED_QOS)
             made["/tf_static"] = self.node.publisher(
                 "/tf_static", "tf2_msgs/msg/TFMessage", LATCHED_QOS

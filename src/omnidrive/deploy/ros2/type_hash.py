@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from functools import cache
 from hashlib import sha256
-from typing import Any
+from typing import Any, cast, get_args
 
-from omnidrive.deploy.ros2.interface import LATEST, Distribution, Field, interface, referenced
+from omnidrive.deploy.ros2.interface import (
+    LATEST,
+    Distribution,
+    Field,
+    interface,
+    interfaces,
+    referenced,
+)
 
 _TYPE_IDS = {
     "int8": 2,
@@ -44,6 +52,43 @@ def type_hash(name: str, distribution: Distribution = LATEST) -> str:
         ],
     }
     return f"RIHS01_{sha256(json.dumps(description).encode()).hexdigest()}"
+
+
+_DISTRIBUTIONS = cast(tuple[Distribution, ...], get_args(Distribution))
+
+
+def distributions_with(name: str, hash_text: str) -> tuple[Distribution, ...]:
+    """Return the distributions in which an interface has a hash; empty: none that is known."""
+    return tuple(
+        each
+        for each in _DISTRIBUTIONS
+        if name in interfaces(each) and type_hash(name, each) == hash_text
+    )
+
+
+def distribution_of(hashes: Iterable[tuple[str, str]]) -> Distribution | None:
+    """Return the distribution that fits the most of the announced hashes.
+
+    Of several, it is :data:`LATEST`, or else the oldest one.
+
+    Args:
+        hashes: Full names of types, and their hashes; an empty hash is announced by Humble.
+
+    Returns:
+        The distribution; None: no hash is given.
+    """
+    given = set(hashes)
+    if not given:
+        return None
+    if not any(each for _, each in given):
+        return "humble"
+    order = (LATEST, *(each for each in _DISTRIBUTIONS if each not in {LATEST, "humble"}))
+    fits = {each: 0 for each in order}
+    for name, hash_text in given:
+        for each in distributions_with(name, hash_text):
+            if each in fits:
+                fits[each] += 1
+    return max(order, key=fits.__getitem__)
 
 
 def _description(name: str, distribution: Distribution) -> dict[str, Any]:
