@@ -88,7 +88,12 @@ def drive(
         conclude(f"results: {folder.path} (open {report})")
     else:
         conclude(f"nothing was driven; inputs and log: {folder.path}")
-    if controls.interrupted:  # the exit status is that of the signal
+    _conclude(controls, result)
+
+
+def _conclude(controls: DriveControls, result: DriveResult) -> None:
+    """Exit with the status of the signal that ended a drive, or raise RunFailed if it failed."""
+    if controls.interrupted:
         signal.raise_signal(controls.interrupted)
     if not result.finished:
         raise RunFailed(f"the robot stopped early: {result.ending}")
