@@ -63,7 +63,6 @@ def drive(
 
     For example:
 
-    * `omnidrive drive --reference circle,radius=1 --plant planar --estimator --arm`
     * `omnidrive drive --reference eight --link simulated,latency=0.02,jitter=0.005 --arm`
     * `omnidrive drive --reference circle --robot lekiwi --estimator --link lekiwi,host=10.0.0.5`
     """
@@ -73,8 +72,8 @@ def drive(
     if out is not None:
         study.check_new_folder(out)
     chosen = chosen_component("links", link)
-    scenario = one_run(shared.resolve(), controller, "track", None, allow_code=shared.allow_code)
-    scenario = _with_rate(scenario, rate)
+    given = one_run(shared.resolve(), controller, "track", None, allow_code=shared.allow_code)
+    scenario = _with_rate(given, rate)
     planned = study.plan_and_check(scenario)
     (label,) = scenario.controllers
     folder = study.RunFolder(
@@ -89,8 +88,13 @@ def drive(
         conclude(f"results: {folder.path} (open {report})")
     else:
         conclude(f"nothing was driven; inputs and log: {folder.path}")
+    _conclude(controls, result)
+
+
+def _conclude(controls: DriveControls, result: DriveResult) -> None:
+    """Exit with the status of the signal that ended a drive, or raise RunFailed if it failed."""
     if controls.interrupted:
-        signal.raise_signal(controls.interrupted)  # with its exit status
+        signal.raise_signal(controls.interrupted)
     if not result.finished:
         raise RunFailed(f"the robot stopped early: {result.ending}")
 

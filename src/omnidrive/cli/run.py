@@ -72,8 +72,7 @@ def run(
 
     * `omnidrive run --controller unicycle-nmpc --horizon 25`
     * `omnidrive run --controller mine.py:MyController,gain=2`
-    * `omnidrive run --task noise --controller fuzzy_t2 --seed 7`
-    * `omnidrive run --task noise --estimator`
+    * `omnidrive run --task noise --controller fuzzy_t2 --seed 7 --estimator`
     * `omnidrive run --fault wheel-dead:wheel=2,at=5`
     * `omnidrive run --video run.gif`
     * `omnidrive run --controller holonomic-nmpc --save-robot learned.yaml`

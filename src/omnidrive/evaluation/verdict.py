@@ -192,7 +192,8 @@ def limit_notes(results: StudyResults) -> list[str]:
     Of each controller the shortest reference counts, which is the fastest.
     """
     fastest: dict[str, TrackResult | FaultResult] = {}
-    for result in sorted((*results.tracks, *results.faults), key=lambda each: each.duration):
+    driven: list[TrackResult | FaultResult] = [*results.tracks, *results.faults]
+    for result in sorted(driven, key=lambda each: each.duration):
         fastest.setdefault(result.controller, result)
     notes: dict[str, list[str]] = {}
     for label, result in fastest.items():

@@ -145,8 +145,7 @@ class Experiment:
             plan = PlanPrefix(self.plan, len(self.plan) if self.first is None else self.first)
             with Claims(store, plan) as claims:
                 source = _UnstoredRuns(store, claims, plan, processes, extend)
-                self._pace = _Pace(1 if here else processes)
-                before = store.count
+                self._pace, before = _Pace(1 if here else processes), store.count
                 blocks = execute_blocks(
                     source, work, processes, time_limit=time_limit, in_process=here,
                     scheduler=scheduler,

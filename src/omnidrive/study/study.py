@@ -163,7 +163,7 @@ def run_study(
         run_timeout: Largest wall time of a run in a worker process, s; a run that takes longer is
             ended, and the others go on. None: no limit.
         numbered: Whether to append -2, -3, ... to the name of a folder that exists.
-        figures: Formats of the figures: some of svg, pdf and png, or none.
+        figures: Formats of the figures: svg, pdf or png.
 
     Raises:
         InvalidInput: The scenario is not feasible, or the runs cannot have a time limit.
@@ -171,7 +171,7 @@ def run_study(
         CannotWrite: The folder cannot be written, or another process is computing this study.
         WorkerLost: Worker processes end while they start; results written before are kept.
     """
-    path = None if folder is None else to_path(folder)
+    path = to_path(folder) if folder is not None else None
     resumable = len(jobs_of(scenario)) > 1 and scenario.is_importable and not observers
     if path and not numbered:
         (check_study_folder if resumable else check_new_folder)(path)
@@ -182,8 +182,7 @@ def run_study(
         planned = plan_and_check(scenario)
     store = RunFolder(path, numbered=numbered) if path else None
     jobs = jobs_of(scenario)
-    opened = StoredRuns(store, planned, jobs) if store and resumable else nullcontext()
-    with opened as stored:
+    with StoredRuns(store, planned, jobs) if store and resumable else nullcontext() as stored:
         with clock.part("simulate", len(jobs)), _limits_in_the_verdict(scenario):
             if store:
                 store.save_inputs(planned)
