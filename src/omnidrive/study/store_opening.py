@@ -154,6 +154,7 @@ def _defect(connection: sqlite3.Connection, path: Path) -> str | None:
         ((found, *_),) = connection.execute("PRAGMA quick_check(1)").fetchall()
         if found != "ok":
             return str(found)
+        connection.execute("BEGIN")  # other processes may write
         facts = read_facts(connection)
         if facts is None:
             return "its stop rule is lost"
@@ -166,6 +167,9 @@ def _defect(connection: sqlite3.Connection, path: Path) -> str | None:
         if not is_corrupt(error):
             raise
         return str(error)
+    finally:
+        if connection.in_transaction:
+            connection.execute("ROLLBACK")
 
 
 def _create(connection: sqlite3.Connection) -> None:
