@@ -140,8 +140,7 @@ class Experiment:
             alone = processes == 1 and time_limit is None
             here = scheduler is None and (alone or must_be_in_process())
         with Store(folder) as store:
-            self.prepare(store)
-            store.begin(self.definition)
+            self._begin(store)
             plan = PlanPrefix(self.plan, len(self.plan) if self.first is None else self.first)
             with Claims(store, plan) as claims:
                 source = _UnstoredRuns(store, claims, plan, processes, extend)
@@ -155,6 +154,11 @@ class Experiment:
                         source.add(records)
                         self._note(records)
                         report(self._progress(before + source.added, len(plan)))
+
+    def _begin(self, store: Store) -> None:
+        """Prepare the store for the plan."""
+        self.prepare(store)
+        store.begin(self.definition)
 
     def _note(self, records: Sequence[RunRecord]) -> None:
         """Update the progress."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from hashlib import sha256
 from math import ceil, isfinite
 from pathlib import Path
@@ -84,15 +85,8 @@ def run_experiment(
     plan = RunPlan(planned)
     is_extended = _prepare_folder(definition, path)
 
-    def prepare(store: Store) -> None:
-        """Check that the study file is the one of the stored runs; store the facts about it."""
-        check_unchanged(store, path / DEFINITION_FILE)
-        if is_extended:
-            save_definition(definition, path / DEFINITION_FILE)
-        note_file(store, path / DEFINITION_FILE)
-        if until is not None:
-            store.note("until", _rule_text(until))
-
+    extended = definition if is_extended else None
+    prepare = partial(_prepare_store, path / DEFINITION_FILE, extended, until)
     runs, digest = NumberedRuns(planned, path / "series"), definition_hash(planned, plan)
     first = plan.per_repetition * definition.repetitions
     Experiment(plan, runs, path, digest, first, prepare).execute(
@@ -213,6 +207,25 @@ def _prepare_folder(definition: StudyDefinition, path: Path) -> bool:
         raise CannotWrite(f"{one_line(str(path))} is not empty; choose a new folder with --out")
     save_definition(definition, file)
     return False
+
+
+def _prepare_store(
+    file: Path, extended: StudyDefinition | None, until: StopRule | None, store: Store
+) -> None:
+    """Check that the study file is that of the stored runs; store the facts about it.
+
+    Args:
+        file: The study file.
+        extended: Definition that replaces it. None: it remains.
+        until: Stop rule of the study.
+        store: The store.
+    """
+    check_unchanged(store, file)
+    if extended is not None:
+        save_definition(extended, file)
+    note_file(store, file)
+    if until is not None:
+        store.note("until", _rule_text(until))
 
 
 def _content(definition: StudyDefinition) -> dict[str, Any]:

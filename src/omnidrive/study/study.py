@@ -175,8 +175,7 @@ def run_study(
     resumable = len(jobs_of(scenario)) > 1 and scenario.is_importable and not observers
     if path and not numbered:
         (check_study_folder if resumable else check_new_folder)(path)
-    if run_timeout is not None:
-        _check_run_timeout(scenario, observers, run_timeout)
+    _check_run_timeout(scenario, observers, run_timeout)
     clock = _Clock(progress or NullProgress())
     with clock.part("plan", 0):
         planned = plan_and_check(scenario)
@@ -225,9 +224,11 @@ def _tables(scenario: Scenario, results: StudyResults) -> list[Table]:
 
 
 def _check_run_timeout(
-    scenario: Scenario, observers: Sequence[Observer], run_timeout: float
+    scenario: Scenario, observers: Sequence[Observer], run_timeout: float | None
 ) -> None:
-    """Raise InvalidInput unless the runs can have a time limit."""
+    """Raise InvalidInput unless the runs can have the time limit, if there is one."""
+    if run_timeout is None:
+        return
     check_number("run_timeout", run_timeout, Bounds(0.1, 1e6, "s"))
     if is_sequential(scenario, observers):
         raise InvalidInput(
