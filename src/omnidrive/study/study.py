@@ -189,11 +189,10 @@ def run_study(
                 stored.note_inputs()
             finished = stored.finished() if stored else {}
             left = [job for job in jobs if job not in finished]
-            executed = execute_jobs(planned, left, processes, observers, run_timeout=run_timeout)
-            with closing(executed):  # which ends the workers
-                _collect_and_save(planned, finished, executed, _Outputs(store, stored, clock))
-        results = collect_results(planned, jobs, finished)
-        tables = _tables(scenario, results)
+            runs = execute_jobs(planned, left, processes, observers, run_timeout=run_timeout)
+            with closing(runs):  # which ends the workers
+                _collect_and_save(planned, finished, runs, _Outputs(store, stored, clock))
+        tables = _tables(scenario, results := collect_results(planned, jobs, finished))
         if store:
             _report(store, results, tables, clock, figures)
             store.save_results(planned, results, clock.seconds)
