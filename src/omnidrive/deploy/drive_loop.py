@@ -291,7 +291,7 @@ class DriveLoop:
     def _continue(self, number: int, t: float) -> None:
         """Track another motion if one is requested; ``t``: time since the segment began, s."""
         progress, controls = self.progress, self.controls
-        wanted, controls.continuation = controls.continuation, None
+        wanted = controls.continuation
         if (
             wanted is not None
             and wanted.tracked is progress.tracked
@@ -304,6 +304,8 @@ class DriveLoop:
                     self.sink.add(Continued(number, wanted.spliced.switch_time, name))
         controls.starts = False
         controls.tracked = Tracked(progress.tracked, progress.governed, t)
+        if wanted is not None:  # last: another thread then looks at what is tracked
+            controls.continuation = None
 
     def _too_old(self, now: float, step: PipelineStep) -> str:
         """Return what is too old to drive on, and why; empty: nothing."""
