@@ -177,7 +177,7 @@ class PathFollower:
 
         files = reference_file(reference, 1.0 / self.rate)
         self.continuation.pipeline = self.pipeline
-        with _repeating(check, controls), self._reported_drive():
+        with self._reported_drive(), _repeating(check, controls):  # the thread ends first
             result = drive(
                 self.link,
                 self.pipeline,
