@@ -99,6 +99,9 @@ def test_the_governor_leaves_the_part_before_a_splice_as_it_is():
     other = ShapeReference(Circle(radius=0.5), 30.0)
     assert governor.govern(other) is other
     assert governor.govern(spliced) is governed  # the latest two are kept
+    for _ in range(3):  # motions that do not follow
+        governor.retime(SplicedReference(fast, fast, 0.4))
+    assert governor.govern(spliced) is governed  # and the one that is tracked
 
 
 class ReplanningLink(SimulatedLink):

@@ -56,8 +56,9 @@ class ReferenceGovernor:
     chassis: Chassis
     acceleration_faces: Float[Array, "faces 3"] | None
     _latest: tuple[_Governed, ...] = field(default=(), init=False, repr=False)
-    """The latest two references, so that each is governed once: the one that is tracked, and one
-    that another thread governs before it follows."""
+    """The latest two references that were governed, so that each is governed once."""
+    _tracked: _Governed | None = field(default=None, init=False, repr=False)
+    """The one that is tracked: another thread may govern any number that could follow it."""
 
     def prepare(self) -> None:
         """Compile the kernels."""
@@ -68,10 +69,12 @@ class ReferenceGovernor:
         """Forget references, unless their class is of this package: they do not change."""
         fixed = (WindowReference, Hold)
         self._latest = tuple(each for each in self._latest if isinstance(each.reference, fixed))
+        self._tracked = None
 
     def govern(self, reference: Reference) -> Reference:
         """Return the reference to track, computed when ``reference`` is first seen."""
-        return self._find(reference).governed
+        self._tracked = self._find(reference)
+        return self._tracked.governed
 
     def delay(self, reference: Reference, t: float) -> float:
         """Return the delay of the governed reference at the time ``t`` (s), in s."""
@@ -88,8 +91,8 @@ class ReferenceGovernor:
 
     def _find(self, reference: Reference) -> _Governed:
         """Return the governed reference of ``reference``."""
-        for each in self._latest:
-            if each.reference is reference:
+        for each in (self._tracked, *self._latest):
+            if each is not None and each.reference is reference:
                 return each
         governed = self._computed(reference)
         found = _Governed(reference, governed, self._needs(reference, governed))
