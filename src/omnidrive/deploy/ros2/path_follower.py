@@ -286,6 +286,7 @@ class PlanFollower:
             try:
                 reference = self._reference(task)
             except OmnidriveError as error:
+                self._present = None  # the same path may come again
                 self.follower.refuse(f"not driven: {error}")
                 continue
             result = self.follower.drive(reference, watch=self._watch)
@@ -341,7 +342,8 @@ class PlanFollower:
                 found = path_poses(received.message, poses.frames.world, poses.tree)
                 position = poses.tree.pose(poses.frames.base, poses.frames.world)
                 old = self._present if self._following is None else self._following
-                if old is None or position is None or not is_same_ahead(found, old, position):
+                is_new = old is None or position is None or not is_same_ahead(found, old, position)
+                if is_new or not isinstance(self._next, Pose | None):  # the last path replaces it
                     self._next = found
         for received in self._goals.take():
             with self._reported(self.goal_topic):

@@ -27,7 +27,7 @@ _NEAR = 0.02
 _SAME = 0.05
 """Distance, m, and angle, rad, up to which two paths are the same ahead of the robot."""
 _MOST_COMPARED = 500
-"""Number of points of each path that are compared."""
+"""Number of points of each path above which only some are compared."""
 REST = WorldTwist(0.0, 0.0, 0.0)
 _MOVING, _LEVER = 0.02, 0.3
 """Speed, m/s, below which a robot counts as standing, and distance that counts as a turn by 1 rad,
@@ -188,9 +188,9 @@ def is_same_ahead(
 ) -> bool:
     """Return whether a new path leads the robot where the old one does.
 
-    A planner that repeats its plan every second sends the rest of it. Both paths are compared from
-    the points that are nearest to the robot on: no point of the new one may be farther than 5 cm
-    from the old one, and the goals must agree in position and heading.
+    A planner that repeats its plan every second sends the rest of it. From its point that is
+    nearest to the robot on, no point of the new path may be farther than 5 cm from the old one, and
+    the goals must agree in position and heading.
 
     Args:
         new: Poses of the new path in W; m, m, rad.
