@@ -176,7 +176,7 @@ class PathFollower:
             watch(controls)
 
         files = reference_file(reference, 1.0 / self.rate)
-        self.continuation.pipeline = self.pipeline
+        self.continuation.pipeline, self.continuation.speed = self.pipeline, self.speed
         with self._reported_drive(), _repeating(check, controls):  # the thread ends first
             result = drive(
                 self.link,
@@ -227,7 +227,8 @@ class PathFollower:
             inflation_note=f"body radius {robot.body_radius:g} m and margin {self.margin:g} m",
             least_inflation=robot.body_radius,
         )
-        return time_within_limits(found.spline, robot.chassis, MotionLimits.of_robot(robot))
+        limits = MotionLimits.of_robot(robot, max_speed=self.speed)
+        return time_within_limits(found.spline, robot.chassis, limits)
 
 
 @dataclass
