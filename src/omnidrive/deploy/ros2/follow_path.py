@@ -35,6 +35,7 @@ _CANCEL_REJECTED = 1
 _TYPE = "nav2_msgs/action/FollowPath"
 _IDENTITY_TYPE = "unique_identifier_msgs/msg/UUID"
 _NEW_GOAL, _REPLACED = "a new goal", "replaced by a new goal"
+_NO_GOAL = "the goal was canceled"
 
 
 @dataclass(eq=False)
@@ -156,6 +157,8 @@ class FollowPathServer:
         """Drive along the path of a goal and give it its result."""
         controls = DriveControls(arm=True)
         with self._lock:
+            if goal.is_over:  # canceled meanwhile
+                return None
             self._present, self._controls = goal, controls
             self._change(goal, EXECUTING)
         result, code, message = self._driven(goal, controls)
@@ -166,7 +169,9 @@ class FollowPathServer:
         return result
 
     def _end(self, goal: Goal, message: str, code: int) -> None:
-        """Give a goal its result."""
+        """Give a goal its result, unless it has one."""
+        if goal.is_over:
+            return
         goal.message, goal.error_code = one_line(message), code
         canceled = goal.status == CANCELING and code
         self._change(goal, CANCELED if canceled else ABORTED if code else SUCCEEDED)
@@ -201,7 +206,7 @@ class FollowPathServer:
         """Feed back, and continue along the path of a new goal, or stop the drive for it."""
         with self._lock:
             present = self._present
-        if present is not None:
+        if present is not None and not present.is_over:
             self._feed_back(present)
         continuation = self._follower.continuation
         if self._following is not None:
@@ -209,13 +214,15 @@ class FollowPathServer:
             if continues is None:
                 return
             following, self._following = self._following, None
-            if continues and following.status == ACCEPTED:
+            if continues:
                 self._replace(following)
-            elif following.status == ACCEPTED:
+            elif not following.is_over:
                 controls.stop(_NEW_GOAL)
             return
         goal = self._next_goal()
         if goal is None:
+            if present is not None and present.is_over:  # it ended before the drive followed it
+                controls.stop(_NO_GOAL)
             return
         self._decode(goal)
         if goal.poses is None:
@@ -237,12 +244,16 @@ class FollowPathServer:
         return is_same_ahead(goal.poses, present.poses, position)
 
     def _replace(self, goal: Goal) -> None:
-        """Make a goal that of the present drive; the former one is aborted."""
+        """Make a goal that of the present drive; the former one is aborted.
+
+        The goal may be over already: canceled or replaced while its motion was computed.
+        """
         with self._lock:
             former, self._present = self._present, goal
             if former is not None:
                 self._end(former, _REPLACED, _FAILED)
-            self._change(goal, EXECUTING)
+            if not goal.is_over:
+                self._change(goal, EXECUTING)
             self._done += 1
 
     def _accept(self, request: Any, _identity: bytes) -> Message:
