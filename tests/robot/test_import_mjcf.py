@@ -96,6 +96,15 @@ def test_motors_equal_those_of_mujoco(both, actuator, defaults, speed, torque, g
         assert expected is None or value == pytest.approx(expected, rel=1e-12), name
 
 
+@pytest.mark.parametrize(
+    "size", ['dyntype="user" actdim="500000000"', 'nsample="500000000" delay="1" interp="linear"']
+)
+def test_states_and_histories_of_any_size_are_not_allocated(tmp_path, size):
+    torque = 'joint="wheel_NAME" gainprm="2" ctrlrange="-1 1"'
+    (tmp_path / "own.xml").write_text(model(f"<general {torque} {size}/>"))
+    assert import_robot(tmp_path / "own.xml").robot.max_torque == 2.0
+
+
 def test_actuators_of_other_kinds_are_named_in_a_warning(tmp_path):
     text = model('<damper joint="wheel_NAME" name="brake_NAME" kv="0.2" ctrlrange="0 3"/>')
     text = text.replace("</actuator>", '<motor name="winch" tendon="rope"/></actuator>')

@@ -35,9 +35,7 @@ def add_motors(model: mujoco.MjModel, joints: list[Joint], ids: Sequence[int]) -
         if model.jnt_actfrclimited[joint]:
             limit = float(np.abs(model.jnt_actfrcrange[joint]).max())
             joints[k] = replace(joints[k], max_torque=limit)
-    for i in range(
-        model.nu if not hasattr(model, "actuator_ctrladr") else len(model.actuator_gear)
-    ):
+    for i in range(len(model.actuator_gear)):
         on_joint = model.actuator_trntype[i] in _JOINTS
         joint = int(model.actuator_trnid[i, 0])
         changes = _changes(model, i) if on_joint and joint in index else None

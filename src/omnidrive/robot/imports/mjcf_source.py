@@ -25,7 +25,8 @@ _UNREAD = {
 }  # fmt: skip
 _IN_BODY = {"camera", "light", "plugin"}
 _REFUSED = {"composite", "flexcomp", "flex"}
-_ATTRIBUTES = {"material", "user"}
+_ATTRIBUTES = {"material", "user", "actdim", "nsample", "delay", "interp"}
+"""Attributes that are not read; for states and histories of any size MuJoCo allocates memory."""
 _WEIGHTS = {"geom": ("mass", "density"), "inertial": ("mass",)}
 
 
