@@ -264,9 +264,9 @@ class Ros2Link:
         """Raise LinkLost if another node has sent a command."""
         name = self._rivals.heard() if self._rivals is not None else ""
         if name:
+            allow = f", or allow it: --allow-publisher {name}" if name.startswith("/") else ""
             raise LinkLost(
-                f"{name} also commands {self._topic}: stop it, one program drives the robot, or "
-                f"allow it: --allow-publisher {name}"
+                f"{name} also commands {self._topic}: stop it, one program drives the robot{allow}"
             )
 
     def _read_joints(self) -> None:

@@ -134,7 +134,7 @@ class WheelsLink:
             self._greet(clock)
         except BaseException:
             self._port.close()
-            self._port = self._counts = None
+            self._port = self._hello = self._counts = None
             raise
         self.stop()
 

@@ -33,6 +33,7 @@ class CommandRivals:
         qos = SENSOR_QOS._replace(depth=_DEPTH)  # any publisher satisfies it
         self._subscription = node.subscription(own.topic.removeprefix("rt"), own.type, qos)
         self._gids: dict[int, bytes] = {}
+        self._permitted = {own.gid}
         self._unnamed: dict[bytes, float] = {}
 
     def forget(self) -> None:
@@ -52,7 +53,7 @@ class CommandRivals:
         for handle in handles:
             if handle not in self._gids:
                 self._gids[handle] = self._subscription.publisher_gid(handle)
-        senders = {self._gids[each] for each in handles} - {self._own.gid}
+        senders = {self._gids[each] for each in handles} - self._permitted
         if not senders:
             return ""
         known = {each.gid: each for each in self._others()}
@@ -60,9 +61,10 @@ class CommandRivals:
             found = known.get(gid)
             if found is None:
                 return "a node that has left"
-            if found.node in self._allowed or self._may_be_allowed(found):
-                continue
-            return _name(found)
+            if found.node in self._allowed:
+                self._permitted.add(gid)
+            elif not self._may_be_allowed(found):
+                return _name(found)
         return ""
 
     def _may_be_allowed(self, sender: Endpoint) -> bool:
