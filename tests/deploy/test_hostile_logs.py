@@ -193,6 +193,7 @@ def test_attachments_are_counted_once(tmp_path, monkeypatch, drive, same):
         return sum(numbers, *start)
 
     monkeypatch.setattr(logged_drive_module, "sum", counted, raising=False)
+    monkeypatch.setattr(logged_drive_module, "_MOST_FILES", 100)
     path = tmp_path / "a.mcap"
     writer = foreign(path)
     writer.add_metadata("omnidrive.drive", dict(drive.metadata))

@@ -66,8 +66,9 @@ class _Row(NamedTuple):
 def replay_log(logged: LoggedDrive, pipeline: Pipeline, reference: Reference) -> LogReplay:
     """Return what a pipeline commands for the readings of a log, as in the drive.
 
-    The pipeline of the drive gives the logged commands bit for bit, unless samples are missing in
-    the log.
+    The pipeline of the drive gives the logged commands bit for bit if it tracks the same reference
+    and the log has all samples. Motions along which the drive continued are tables of samples in
+    the log: with them the commands are nearly equal.
 
     Args:
         logged: The log.

@@ -38,7 +38,7 @@ from omnidrive.simulation.guard import RunEnded
 from omnidrive.simulation.run_log import RunLog
 
 _MOST_BYTES = 1 << 27  # of attached files and of events
-_MOST_FILES, _MOST_EVENTS = 100, 1_000_000
+_MOST_FILES, _MOST_EVENTS = 10_000, 1_000_000  # a drive adds a file for each path it continues on
 MOST_SAMPLES = 2_000_000
 """Largest number of samples that are kept in memory at once: 33 minutes at 1 kHz."""
 _TIMED_SAMPLES = 10_000_000
@@ -288,11 +288,11 @@ def _read_part(path: Path) -> _Part:
             end = record.metadata
         elif kind == "Attachment":
             files[record.name] = record.data
-            held += len(record.data)
+            held += len(record.name) + len(record.data)
         if held > _MOST_BYTES or len(files) > _MOST_FILES or len(events) > _MOST_EVENTS:
             raise InvalidLog(
-                f"{one_line(str(path))} has more than {_MOST_FILES} files, {_MOST_EVENTS:,} events "
-                f"or {_MOST_BYTES >> 20} MiB of them"
+                f"{one_line(str(path))} has more than {_MOST_FILES:,} files, {_MOST_EVENTS:,} "
+                f"events or {_MOST_BYTES >> 20} MiB of them"
             )
     if metadata is None or metadata.get("format") != FORMAT:
         raise InvalidLog(
