@@ -120,7 +120,7 @@ class ReplanningLink(SimulatedLink):
             controls.hold("a pause")
         elif self.hold_at is not None and abs(now - self.hold_at - 1.0) < 1e-6:
             controls.arm()
-        if continuation.is_busy:
+        if continuation._computed is not None or continuation._requested is not None:
             if continuation._computed is not None:
                 continuation._computed.exception()  # the simulated time waits for the thread
             answer = continuation.poll(controls)

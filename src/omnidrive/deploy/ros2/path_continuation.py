@@ -11,6 +11,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.control import Pipeline
 from omnidrive.control.controller import RetimingController
+from omnidrive.deploy.clock import Clock, MonotonicClock
 from omnidrive.deploy.controls import Continuation, DriveControls, Tracked
 from omnidrive.deploy.realtime import schedule_below_loop
 from omnidrive.deploy.ros2.drive_files import reference_file
@@ -35,6 +36,7 @@ class PathContinuation:
         dt: Sample time, s.
         speed: Limit of the speed, m/s; None: that of the robot.
         leads: Bounds of the time from the beginning of a computation to that of its motion, s.
+        clock: Clock of the drive.
     """
 
     robot: Robot
@@ -42,8 +44,9 @@ class PathContinuation:
     dt: float
     speed: float | None = None
     leads: tuple[float, float] = (0.15, 1.0)
+    clock: Clock = field(default_factory=MonotonicClock)
     _taken: float = field(default=0.25, init=False)
-    """Time of the last computation, s."""
+    """Time of the last computation on the clock, s."""
     _count: int = field(default=1, init=False)
     _pool: ThreadPoolExecutor = field(init=False)
     _computed: Future[Continuation] | None = field(default=None, init=False)
@@ -52,11 +55,6 @@ class PathContinuation:
 
     def __post_init__(self) -> None:
         self._pool = ThreadPoolExecutor(1, "omnidrive paths", schedule_below_loop)
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether a motion is computed or waits for the next sample of the loop."""
-        return self._computed is not None or self._requested is not None
 
     def begin(self, poses: Float[Array, "poses 3"], controls: DriveControls) -> bool | None:
         """Begin to compute the motion along a path in W.
@@ -99,7 +97,7 @@ class PathContinuation:
         self._computed = self._requested = None
 
     def _compute(self, poses: Float[Array, "poses 3"], tracked: Tracked) -> Continuation:
-        begun = time.monotonic()
+        begun = self.clock.now()
         lead = 1.5 * self._taken + 2.0 * self.dt
         at = tracked.t + min(max(lead, self.leads[0]), self.leads[1])
         if at >= tracked.governed.duration:
@@ -111,5 +109,5 @@ class PathContinuation:
             self.pipeline.controller.retime(spliced)  # the loop finds the result
         self._count += 1
         files = reference_file(after, self.dt, f"reference-{self._count:04}.csv")
-        self._taken = time.monotonic() - begun
+        self._taken = self.clock.now() - begun
         return Continuation(tracked.reference, spliced, files)

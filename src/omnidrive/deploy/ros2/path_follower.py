@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.control import Pipeline
-from omnidrive.deploy.clock import Clock
+from omnidrive.deploy.clock import Clock, MonotonicClock
 from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.drive import DriveResult, drive
 from omnidrive.deploy.links.ros2 import Ros2Link
@@ -177,6 +177,7 @@ class PathFollower:
 
         files = reference_file(reference, 1.0 / self.rate)
         self.continuation.pipeline, self.continuation.speed = self.pipeline, self.speed
+        self.continuation.clock = self.clock or MonotonicClock()
         with self._reported_drive(), _repeating(check, controls):  # the thread ends first
             result = drive(
                 self.link,
