@@ -123,8 +123,8 @@ def _csv(content: bytes) -> dict[str, Array]:
     if content.count(b"\n") > _MAX_ROWS + form.first_row:
         raise InvalidInput(f"there are more than {_MAX_ROWS:,} samples")
     if form.separator == " ":
-        content = re.sub(rb"[ \t]+(?=\r?$)|^[ \t]+", b"", content, flags=re.MULTILINE)
-        content = re.sub(rb"[ \t]+", b" ", content)
+        content = re.sub(rb"[ \t]+", b" ", content)  # first, so that the next one is linear
+        content = re.sub(rb" (?=\r?$)|^ ", b"", content, flags=re.MULTILINE)
     table = pa.csv.read_csv(
         BytesIO(content),
         read_options=pa.csv.ReadOptions(skip_rows=form.first_row - 1, column_names=form.titles),
