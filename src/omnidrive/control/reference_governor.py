@@ -66,7 +66,7 @@ class ReferenceGovernor:
         DelayedReference(_STILL, 0.1, np.zeros((2, 6)), np.ones(2)).window(0.0, 2, 0.1)
 
     def reset(self) -> None:
-        """Forget references, unless their class is of this package: they do not change."""
+        """Discard references, unless their class is of this package: they do not change."""
         fixed = (WindowReference, Hold)
         self._latest = tuple(each for each in self._latest if isinstance(each.reference, fixed))
         self._tracked = None

@@ -101,7 +101,7 @@ class Actuation:
 
     @property
     def drive(self) -> DriveEstimate:
-        """Gains, lag and delay of the drive, without knowledge from a run."""
+        """Gains, lag and delay of the drive, before any is identified in a run."""
         return DriveEstimate(self.drive_gain, self.motor_lag, self.delay, self.motor_lag)
 
     @property
