@@ -18,6 +18,7 @@ from omnidrive import (
 from omnidrive.control import Pipeline
 from omnidrive.control.reference_governor import ReferenceGovernor
 from omnidrive.deploy import DriveControls, SimulatedClock, drive, replay_log
+from omnidrive.deploy.drive_progress import DriveProgress
 from omnidrive.deploy.drive_state import REFERENCE_ENDS, DriveState
 from omnidrive.deploy.links.simulated import SimulatedLink, SimulatedRobot
 from omnidrive.deploy.log import DriveLog, read_log
@@ -188,6 +189,29 @@ def test_a_path_that_cannot_be_followed_without_a_stop_is_refused():
     assert link.answers == [False]
     assert result.ending == REFERENCE_ENDS
     assert result.run.pose[-1, 0] == pytest.approx(3.0, abs=0.02)
+
+
+def test_a_drive_that_is_held_goes_on_where_it_was_held():
+    """Also before the time at which the other motion begins, and if the reference is a splice."""
+    first, second = (
+        ShapeReference(Circle(radius=0.5), 10.0),
+        ShapeReference(Circle(radius=0.3), 20.0),
+    )
+    spliced, pipeline = SplicedReference(first, second, 4.0), Pipeline(FeedforwardController(DT))
+    for t in (3.0, 6.0):
+        progress = DriveProgress(first, DT)
+        progress.begin(0, pipeline)
+        progress.continue_along(spliced, pipeline)
+        progress.end(round(t / DT))
+        progress.begin(500, pipeline)
+        assert progress.tracked.at(0.0).pose == pytest.approx(spliced.at(t).pose)
+        assert progress.last == round((24.0 - t + 0.5) / DT)
+        progress.end(500 + round(2.0 / DT))
+        progress.begin(900, pipeline)
+        assert progress.tracked.at(0.0).pose == pytest.approx(spliced.at(t + 1.5).pose)
+    progress = DriveProgress(spliced, DT)
+    progress.begin(0, pipeline)
+    assert progress.tracked is spliced
 
 
 @pytest.mark.parametrize("hold_at", [None, 2.5])

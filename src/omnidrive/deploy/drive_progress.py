@@ -14,13 +14,13 @@ class DriveProgress:
     """Progress of a drive along its reference, in segments from each start to the next hold.
 
     Attributes:
-        reference: The whole motion.
+        reference: The whole motion; after a segment with continuations, that of this segment.
         dt: Sample time, s.
         first: Number of the sample with which the present segment begins.
         last: Number of the last sample of the segment, counted from its first.
         tracked: What remained of the reference when the segment began, and its continuations.
         governed: What the controller tracks instead.
-        done: Time of the reference that former segments tracked, s.
+        done: Time of this motion that former segments tracked, s.
     """
 
     reference: Reference
@@ -38,10 +38,9 @@ class DriveProgress:
 
     def begin(self, number: int, pipeline: Pipeline) -> None:
         """Begin a segment with the sample ``number``; ``pipeline`` may delay the reference."""
-        continued = isinstance(self.tracked, SplicedReference)
         if isinstance(self.tracked, SplicedReference):
-            self.reference = self.tracked.after
-        if self.done or continued:
+            self.reference = self.tracked
+        if self.done:
             self.tracked = RemainingReference(self.reference, self.done)
         self.first = number
         self._govern(pipeline)
@@ -60,10 +59,10 @@ class DriveProgress:
         """End the segment with the sample ``number``, before the end of the reference."""
         t = (number - self.first) * self.dt
         tracked = self.tracked
-        if isinstance(tracked, SplicedReference):
-            self.done = max(t - tracked.switch_time, 0.0)
-        else:
-            self.done += tracked.progress(t) if isinstance(tracked, RemainingReference) else t
+        if isinstance(tracked, RemainingReference):
+            self.done += tracked.progress(t)
+        else:  # the segment began with its begin
+            self.done = t
         self._logged += t + self.dt
 
     def log_time(self, t: float) -> float:
