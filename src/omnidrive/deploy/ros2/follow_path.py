@@ -317,6 +317,7 @@ class FollowPathServer:
         goal.status = status
         self._publish_status()
         if goal.is_over:
+            goal.data = b""
             for identity in goal.waiting:
                 self._result.reply(self._response(goal), identity)
             goal.waiting.clear()
