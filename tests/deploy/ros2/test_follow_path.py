@@ -4,6 +4,7 @@ import struct
 import threading
 import time
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,15 +17,19 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from omnidrive.control import FeedforwardController
+from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.links.ros2 import Ros2Link
 from omnidrive.deploy.robot_link import LinkLost
 from omnidrive.deploy.ros2 import Node, message_type
 from omnidrive.deploy.ros2.drive_reports import ReportedPipeline
 from omnidrive.deploy.ros2.follow_path import (
     ABORTED,
+    ACCEPTED,
     CANCELED,
+    EXECUTING,
     SUCCEEDED,
     FollowPathServer,
+    Goal,
     _error_code,
 )
 from omnidrive.deploy.ros2.path_follower import DriveRequests, NoPose, PathFollower
@@ -210,6 +215,45 @@ def test_a_goal_of_a_thousand_poses_is_accepted_before_its_path_is_decoded():
         assert nav.goal(7, [(0.002 * i, 0.0) for i in range(1000)])
         assert order == [0]
         assert nav.result.call(goal_id=uuid(7), wait=30.0).status == SUCCEEDED
+
+
+class WatchedServer(FollowPathServer):
+    """A server without a node, whose drive has decided whether it follows a new goal."""
+
+    def __init__(self, continues, present, following):
+        self._follower = SimpleNamespace(
+            continuation=SimpleNamespace(poll=lambda _controls: continues)
+        )
+        self._lock, self._goals, self._done = threading.RLock(), {}, 0
+        self._present, self._following = present, following
+
+    def _publish_status(self):
+        pass
+
+    def _feed_back(self, goal):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("continues", "status", "former", "stopped"),
+    [
+        (True, ACCEPTED, ABORTED, None),
+        (True, CANCELED, ABORTED, "the goal was canceled"),
+        (False, ACCEPTED, EXECUTING, "a new goal"),
+        (False, CANCELED, EXECUTING, None),
+    ],
+)
+def test_a_goal_may_be_canceled_while_its_motion_is_computed(continues, status, former, stopped):
+    """A drive that follows it all the same stops; one that does not goes on to the former goal."""
+    present = Goal(b"1" * 16, b"", 0.0, np.zeros((1, 3)), EXECUTING)
+    following = Goal(b"2" * 16, b"", 0.0, np.ones((1, 3)), status)
+    server, controls = WatchedServer(continues, present, following), DriveControls(arm=True)
+    server._watch(controls)
+    server._watch(controls)
+    assert controls.stop_reason == stopped
+    assert present.status == former
+    assert following.status == (EXECUTING if (continues, stopped) == (True, None) else status)
+    assert server._present is (following if continues else present)
 
 
 def test_errors_have_the_codes_of_nav2():
