@@ -37,6 +37,7 @@ class PathContinuation:
         speed: Limit of the speed, m/s; None: that of the robot.
         leads: Bounds of the time from the beginning of a computation to that of its motion, s.
         clock: Clock of the drive.
+        is_logged: Whether the drive has a log, which needs the motions as files.
     """
 
     robot: Robot
@@ -45,6 +46,7 @@ class PathContinuation:
     speed: float | None = None
     leads: tuple[float, float] = (0.15, 1.0)
     clock: Clock = field(default_factory=MonotonicClock)
+    is_logged: bool = True
     _taken: float = field(default=0.25, init=False)
     """Time of the last computation on the clock, s."""
     _count: int = field(default=1, init=False)
@@ -108,6 +110,7 @@ class PathContinuation:
         if isinstance(self.pipeline.controller, RetimingController):
             self.pipeline.controller.retime(spliced)  # the loop finds the result
         self._count += 1
-        files = reference_file(after, self.dt, f"reference-{self._count:04}.csv")
+        name = f"reference-{self._count:04}.csv"
+        files = reference_file(after, self.dt, name) if self.is_logged else {}
         self._taken = self.clock.now() - begun
         return Continuation(tracked.reference, spliced, files)

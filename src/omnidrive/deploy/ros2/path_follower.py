@@ -175,9 +175,12 @@ class PathFollower:
             self.requests.pass_on(controls)
             watch(controls)
 
-        files = reference_file(reference, 1.0 / self.rate)
+        log = None
+        if self.logs is not None:
+            log = self.logs.next(reference_file(reference, 1.0 / self.rate))
         self.continuation.pipeline, self.continuation.speed = self.pipeline, self.speed
         self.continuation.clock = self.clock or MonotonicClock()
+        self.continuation.is_logged = log is not None
         with self._reported_drive(), _repeating(check, controls):  # the thread ends first
             result = drive(
                 self.link,
@@ -186,7 +189,7 @@ class PathFollower:
                 rate=self.rate,
                 controls=controls,
                 clock=self.clock,
-                log=None if self.logs is None else self.logs.next(files),
+                log=log,
             )
         if self.reports is not None:
             self.reports.report(OK if result.finished else ERROR, result.ending)
