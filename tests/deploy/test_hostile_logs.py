@@ -18,7 +18,13 @@ from omnidrive.deploy.identification_log import identification_log
 from omnidrive.deploy.log import LoggedSample, read_log
 from omnidrive.deploy.log import logged_drive as logged_drive_module
 from omnidrive.deploy.log.log_file import EVENTS, SAMPLES, LogFile
-from omnidrive.deploy.log.logged_event import Dropped, Event, encode_event
+from omnidrive.deploy.log.logged_event import (
+    Continued,
+    Dropped,
+    Event,
+    decode_event,
+    encode_event,
+)
 from omnidrive.deploy.log.logged_sample import Segment, encode_sample
 from omnidrive.deploy.log.record_reader import MAX_EXPANSION, read_records
 from omnidrive.deploy.log_comparison import comparison_tables
@@ -63,6 +69,14 @@ def test_samples_out_of_order_are_refused(tmp_path, drive):
     late = [s._replace(t=-s.t) if s.step is not None else s for s in samples]
     with pytest.raises(InvalidLog, match=r"the time of sample \d+ is not after"):
         shown(write(tmp_path / "late.mcap", drive, late))
+
+
+@pytest.mark.parametrize("wild", [nan, inf, -1.0, 1e300])
+def test_times_of_motions_are_bounded(wild):
+    """They give the number of samples of a replay."""
+    for item in (Segment(0, Pose(0.0, 0.0, 0.0), wild, 0.0), Continued(0, wild, "a.csv")):
+        with pytest.raises(InvalidLog, match="an event is malformed: a time of "):
+            decode_event(encode_event(item, 0, 0))
 
 
 def test_a_log_is_compared_with_itself_and_with_short_ones(tmp_path, drive):

@@ -107,7 +107,7 @@ def _replayed(
 ) -> tuple[list[_Row], str]:
     """Return the samples of both, and why they end before the log."""
     progress, segments = DriveProgress(reference, logged.dt), deque(logged.segments)
-    continuations = deque(logged.continuations)
+    continuations, files = deque(logged.continuations), dict(logged.files)
     rows: list[_Row] = []
     begun = False
     for sample in logged.samples():
@@ -123,7 +123,7 @@ def _replayed(
         if sample.step is None or not begun:
             continue
         while continuations and continuations[0].number <= sample.number:
-            _continue(progress, pipeline, continuations.popleft(), logged)
+            _continue(progress, pipeline, continuations.popleft(), files)
         step = _step(sample, pipeline, progress)
         rows.append(_Row(sample.number, sample.step, step))
         if step.failed and not sample.step.failed:
@@ -134,13 +134,13 @@ def _replayed(
 
 
 def _continue(
-    progress: DriveProgress, pipeline: Pipeline, continued: Continued, logged: LoggedDrive
+    progress: DriveProgress, pipeline: Pipeline, continued: Continued, files: dict[str, bytes]
 ) -> None:
-    """Track another motion of the log from a sample on."""
+    """Track another motion of the log from a sample on; its file is removed from ``files``."""
     name = continued.file
-    if name not in logged.files:
-        raise InvalidLog(f"the file {one_line(name, 60)} is not attached")
-    with attached_files({name: logged.files[name]}) as folder:
+    if name not in files:
+        raise InvalidLog(f"the file {one_line(name, 60)} is not attached, or tracked twice")
+    with attached_files({name: files.pop(name)}) as folder:
         reference = load_waypoints(folder / name)
     if not isinstance(reference, SampledReference):
         raise InvalidLog(f"{one_line(name, 60)} of the log has no times")

@@ -16,6 +16,7 @@ from omnidrive.geometry import Pose
 EVENT_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 """Message with what happened, in the values of its only status."""
 _MOST_TEXT = 2000  # characters
+_LONGEST = 1e9  # s
 
 
 class SampleText(NamedTuple):
@@ -118,11 +119,21 @@ def _event(name: str, values: Mapping[str, str]) -> LoggedEvent | None:
         return StateChange(float(values["t"]), DriveState(values["state"]), values["reason"])
     if name == "segment":
         pose = Pose(*map(float, values["pose"].split()))
-        return Segment(int(values["number"]), pose, float(values["done"]), float(values["begin"]))
+        return Segment(
+            int(values["number"]), pose, _duration(values["done"]), float(values["begin"])
+        )
     if name == "event":
         return Event(float(values["t"]), values["what"])
     if name == "text":
         return SampleText(int(values["number"]), values["notice"], values["message"])
     if name == "continued":
-        return Continued(int(values["number"]), float(values["at"]), values["file"])
+        return Continued(int(values["number"]), _duration(values["at"]), values["file"])
     return Dropped(int(values["samples"])) if name == "dropped" else None
+
+
+def _duration(text: str) -> float:
+    """Return a time since a begin, s; raise ValueError unless it is one."""
+    found = float(text)
+    if not 0.0 <= found <= _LONGEST:
+        raise ValueError(f"a time of {one_line(text, 40)} s, need 0 to {_LONGEST:g} s")
+    return found
