@@ -261,7 +261,8 @@ def count_outcomes(connection: sqlite3.Connection) -> Counter[tuple[str, bool]]:
     Raises:
         sqlite3.Error: The database cannot be read at all.
     """
-    query = f"SELECT outcome, finished, COUNT(*) {_VALID_ROWS} GROUP BY outcome, finished"
+    count = "COUNT(DISTINCT number)"  # a page may occur twice
+    query = f"SELECT outcome, finished, {count} {_VALID_ROWS} GROUP BY outcome, finished"
     try:
         rows = connection.execute(query, _NUMBERS).fetchall()
     except sqlite3.DatabaseError as error:
@@ -317,9 +318,10 @@ def _rows(connection: sqlite3.Connection, query: str) -> Iterator[list[tuple[Any
                 if not all(a < b for a, b in pairwise(numbers)):  # a page occurs twice
                     kept = {row[0]: row for row in rows if row[0] > last}
                     rows = [kept[number] for number in sorted(kept)]
-                last = rows[-1][0] if rows else last
                 found = True
-                yield rows
+                if rows:
+                    last = rows[-1][0]
+                    yield rows
         except sqlite3.DatabaseError as error:
             if not is_corrupt(error):
                 raise
