@@ -102,7 +102,7 @@ class StoredStudy(NamedTuple):
     def _versions(self, plan: RunPlan) -> dict[str, str]:
         """Return the versions that computed the runs, if they are the installed ones."""
         number, key = self.table["number"][0].as_py(), self.table["key"][0].as_py()
-        if number < len(plan) and plan.keys(number, number + 1) == [key]:
+        if 0 <= number < len(plan) and plan.keys(number, number + 1) == [key]:
             return {name: version(name) for name in VERSIONS}
         fact = "other ones, or other files, than those that are installed now"
         if self.definition.names_code:

@@ -163,7 +163,7 @@ def run_study(
         run_timeout: Largest wall time of a run in a worker process, s; a run that takes longer is
             ended, and the others go on. None: no limit.
         numbered: Whether to append -2, -3, ... to the name of a folder that exists.
-        figures: Formats of the figures: svg, pdf or png.
+        figures: Formats of the figures: some of svg, pdf and png, or none.
 
     Raises:
         InvalidInput: The scenario is not feasible, or the runs cannot have a time limit.
