@@ -158,7 +158,7 @@ def result_record(key: str, values: Sequence[Any]) -> RunRecord:
     """
     outcome, finished, names, floats, detail = values
     metrics, timing = names_of(names)
-    numbers = unpack_floats(floats, len(metrics) + len(timing))
+    numbers = _unpack_floats(floats, len(metrics) + len(timing))
     return RunRecord(
         number=-1, key=key, pairing=-1, controller="", task="", repetition=0, factors={},
         outcome=outcome, finished=bool(finished),
@@ -187,7 +187,7 @@ def _is_names(value: Any) -> bool:
     )
 
 
-def unpack_floats(floats: bytes, count: int) -> tuple[float, ...]:
+def _unpack_floats(floats: bytes, count: int) -> tuple[float, ...]:
     """Return stored numbers.
 
     Raises:
