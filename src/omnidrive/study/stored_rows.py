@@ -90,7 +90,7 @@ RESULT_OF_KEY = (
     "SELECT outcome, finished, names, floats, detail FROM results WHERE key = ?1 AND "
     f"checksum = {_checksum(['?1', *_RESULT[1:]])}"
 )
-"""SQL query of a valid result by its key; that a damaged index names another row is found."""
+"""SQL query of a valid result by its key; none if a damaged index leads to another row."""
 
 INSERT_RESULT = f"""
 INSERT INTO results ({", ".join(_RESULT)}, checksum)
