@@ -50,6 +50,17 @@ def test_changed_controller():
     assert json.loads(json.dumps(difference_record(found)))["changes"][1]["verdict"] == "better"
 
 
+def test_note_names_the_repetitions_that_a_change_needs():
+    few, enough = (
+        difference_table(study_difference(
+            synthetic_table(TWO, repetitions=count), synthetic_table(TWO, repetitions=count, seed=2)
+        )).note
+        for count in (3, 15)
+    )  # fmt: skip
+    assert "With 3 repetitions no change of runs that vary can be shown at 5 %" in few
+    assert "need at least" not in enough
+
+
 def test_runs_with_one_key_and_different_results_are_named():
     other = table()
     values = other["me"].to_pylist()

@@ -255,6 +255,16 @@ def test_the_answer_says_where_another_controller_is_best():
     assert "on average" not in plain.lead
 
 
+def test_the_answer_compares_only_where_the_best_one_has_runs():
+    """At the largest noise, pid is alone."""
+    table = synthetic_table({"pid": 0.06, "fuzzy_t2": 0.05}, axes={"noise": [0.0, 1.0, 2.0]})
+    runs = zip(table["controller"].to_pylist(), table["factor:noise"].to_pylist(), strict=True)
+    kept = [(name, noise) != ("fuzzy_t2", 2.0) for name, noise in runs]
+    (answer,) = study_answers(StudyEvidence(RunTable(table.filter(pa.array(kept)))))
+    assert answer.evidence.best == ("fuzzy_t2",)
+    assert answer.along == ()
+
+
 ODD = [
     "$$", "$x^2$", r"\frac{", "a_b%", "<b>bold</b>", "{}", "a\nb", "m&m", "\u202eabc", "\U0001f916",
     "x" * 60, "$", "^{",

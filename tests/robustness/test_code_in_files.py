@@ -28,6 +28,7 @@ from omnidrive.reference.components import ReferenceContext
 from omnidrive.robot import named_robot
 from omnidrive.study import load_definition, load_scenario, read_study
 from omnidrive.study.scenario_file import scenario_data
+from omnidrive.study.scenario_path import code_in
 from omnidrive.study.study_folder import load_study
 from omnidrive.tuning import load_tuning
 from tests.command import omnidrive
@@ -162,6 +163,38 @@ def test_code_in_a_file_needs_permission_on_the_command_line(stranger, words):
 def test_code_that_the_user_names_needs_no_other_permission(stranger, words):
     omnidrive(*words, cwd=stranger.folder)
     assert stranger.took_effect()
+
+
+CODE_TEXT, OTHER_TEXT = "a.py:A", "10.0.0.1:23000"
+LAW, HOST = {"type": CODE_TEXT, "host": OTHER_TEXT}, {"type": "pid", "host": OTHER_TEXT}
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("plant", CODE_TEXT), ("plant", LAW), ("plant.type", CODE_TEXT),
+        ("reference", LAW), ("reference.type", CODE_TEXT),
+        ("controllers", ["pid", CODE_TEXT]), ("controllers", {"own": LAW, "host": HOST}),
+        ("controllers.own", CODE_TEXT), ("controllers.a.b", LAW), ("controllers.a.type", CODE_TEXT),
+        ("sensors", {"estimator": LAW}), ("sensors.estimator", CODE_TEXT),
+        ("sensors.estimator.type", CODE_TEXT),
+    ],
+)  # fmt: skip
+def test_code_in_a_value_is_found(path, value):
+    assert [name for _, name in code_in(path, value)] == [CODE_TEXT]
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("plant.host", OTHER_TEXT), ("plant", {"host": OTHER_TEXT}), ("plant.subtype", OTHER_TEXT),
+        ("reference.file", OTHER_TEXT), ("controllers.own.host", OTHER_TEXT),
+        ("controllers.own", {"host": OTHER_TEXT}), ("controllers", {"own": HOST}),
+        ("sensors.estimator.host", OTHER_TEXT), ("map.source", OTHER_TEXT),
+    ],
+)  # fmt: skip
+def test_text_with_a_colon_is_no_code_in_a_parameter(path, value):
+    assert not list(code_in(path, value))
 
 
 def _circle():

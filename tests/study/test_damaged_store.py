@@ -213,6 +213,30 @@ def test_results_of_lost_runs_are_kept(whole, tmp_path):
         assert len(store.results(each.key for each in RECORDS)) == len(RECORDS)
 
 
+def leaves(data, root):
+    """Return the places of the leaves below the root page of a table of two levels."""
+    page = data[PAGE * (root - 1) : PAGE * root]
+    assert page[0] == 5  # an interior page of a table
+    cells = [int.from_bytes(page[12 + 2 * k : 14 + 2 * k], "big") for k in range(page[4])]
+    below = [int.from_bytes(page[cell : cell + 4], "big") for cell in cells]
+    return [PAGE * (number - 1) for number in below]
+
+
+def test_rows_of_a_page_that_occurs_twice_count_once(whole, tmp_path):
+    data = bytearray((whole[0] / FILE).read_bytes())
+    connection = sqlite3.connect(whole[0] / FILE)
+    ((root,),) = connection.execute("SELECT rootpage FROM sqlite_master WHERE name = 'runs'")
+    connection.close()
+    first, second, *_ = leaves(data, root)
+    data[second : second + PAGE] = data[first : first + PAGE]
+    (tmp_path / FILE).write_bytes(data)
+    with Store(tmp_path, read_only=True) as store:
+        status, tables = store.status(), store.tables()
+    assert 0 < status.runs == tables.records.num_rows < len(PLAN)
+    assert status.runs + status.loss.runs == len(PLAN)
+    assert resumed(tmp_path, whole[1], "page that occurs twice")
+
+
 def test_store_in_use_is_not_rebuilt(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(store_errors, "PATIENCE", 0.05)
     folder = changed(tmp_path / "a", whole[0], "UPDATE runs SET task = '' WHERE number = 4")

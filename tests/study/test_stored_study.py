@@ -232,6 +232,7 @@ def test_temporary_files_of_killed_writers_are_removed(tmp_path):
     left = [
         folder / f".report.html.{_COMPUTER}-{2**31 - 1}-0.part",
         folder / "tables" / f".answer.csv.{_COMPUTER}-{2**31 - 1}-1.part",
+        folder / f".runs.sqlite.{_COMPUTER}-{2**31 - 1}-2.part-wal",
     ]
     other = tmp_path / f".runs.csv.{_COMPUTER}-{2**31 - 1}-2.part"
     kept = folder / f".report.html.{_COMPUTER}-{os.getpid()}-9999.part"
@@ -240,7 +241,7 @@ def test_temporary_files_of_killed_writers_are_removed(tmp_path):
     study = read_study(folder)
     report_study(study)
     export_study(study, tmp_path / "runs.csv")
-    assert [each.exists() for each in (*left, other, kept)] == [False, False, False, True]
+    assert [each.exists() for each in (*left, other, kept)] == [False] * 4 + [True]
 
 
 def test_set_up_lists_faults_and_what_else_differs_from_the_default():

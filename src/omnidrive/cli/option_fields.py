@@ -169,8 +169,8 @@ class OptionFields:
     allow_code: Annotated[
         bool,
         flag(
-            "Import code that the scenario file names, such as mine.py:MyController; only for "
-            "files that you trust.",
+            "Import code that the scenario file or a controller file names, such as "
+            "mine.py:MyController; only for files that you trust.",
             RUN_PANEL,
             "--allow-code",
         ),

@@ -49,8 +49,8 @@ def report(
 
     The report is one HTML file, report.html, that needs no network: question, answer, figures,
     tables, set-up, and how to repeat the study. Tables are written as CSV and LaTeX, too, and
-    figures in the formats of `--figures`. A study that is not finished gives
-    a report of its finished runs.
+    figures in the formats of `--figures`. A study that is not finished gives a report of its
+    finished runs.
 
     For example:
 

@@ -38,7 +38,7 @@ def run_and_print(
         numbered: Whether to append -2, -3, ... to the name of a folder that exists.
         json: Print results.json instead of tables.
         full: Print all tables and columns.
-        figures: Formats of the figures.
+        figures: Formats of the figures; empty: no figures.
 
     Raises:
         OmnidriveError: See :func:`~omnidrive.study.run_study`.

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from omnidrive.cli.options import JsonOption, flag, option
+from omnidrive.errors import InvalidInput
 
 FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of a study.")]
 JobsOption = Annotated[
@@ -107,6 +108,10 @@ def resume(
     if (folder / SCENARIO_FILE).is_file():
         from omnidrive.cli.study_results import run_and_print
 
+        if scheduler is not None:
+            raise InvalidInput(
+                "a comparison is computed by processes of this computer: omit --scheduler"
+            )
         run_and_print(definition.scenario, folder, jobs=jobs, run_timeout=run_timeout)
         return
     from omnidrive.cli.study_execution import execute_study

@@ -37,7 +37,7 @@ class CodePermission(Enum):
     REFUSED = "refused"
     """A name of code that is not allowed yet is an error."""
     UNREAD = "unread"
-    """Such a name stands for itself: what is read needs no code, such as stored runs."""
+    """Such code is not imported, and its component has a name only: stored runs need no code."""
 
     @classmethod
     def of(cls, allow_code: bool | CodePermission) -> CodePermission:

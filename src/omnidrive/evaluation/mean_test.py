@@ -107,7 +107,7 @@ def _tested_difference(values: Float[Array, " values"]) -> TestedMean:
 def _constant(values: Float[Array, " values"]) -> TestedMean | None:
     """Return the tested mean of equal values, whatever their rounding; None: they differ.
 
-    Without a spread there is no evidence against a zero mean only if the mean is 0.
+    The p-value is 1 if their mean is 0, and otherwise 0.
     """
     if len(values) < 2 or values.std() ** 2 > _ROUNDING * np.mean(values**2):
         return None

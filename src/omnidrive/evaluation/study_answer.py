@@ -132,7 +132,8 @@ def _differing(study: StudyEvidence, evidence: TaskEvidence) -> tuple[str, ...]:
         best: dict[str, list[str]] = {}
         for each in study.along(evidence.measure.name, path).get(evidence.task, []):
             first = each.evidence.leader
-            if first is not None:
+            compared = (other.controller for other in each.evidence.summaries)
+            if first is not None and leader.controller in compared:
                 tied = leader.controller in each.evidence.best
                 name = leader.controller if tied else first.controller
                 best.setdefault(name, []).append(level_text(each.level))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -11,7 +12,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.evaluation.evidence import NO_DIFFERENCE
-from omnidrive.evaluation.mean_test import difference_tests
+from omnidrive.evaluation.mean_test import difference_tests, needed_differences
 from omnidrive.evaluation.quantities import Quantity, quantity
 from omnidrive.evaluation.run_table import FACTOR_PREFIX, RunTable, Task
 from omnidrive.evaluation.table import RESOLUTION, Table, number_text
@@ -137,9 +138,20 @@ def difference_table(difference: StudyDifference) -> Table:
          "equal", "largest at run", "second is"),
         rows,
         "Second minus first study, mean over the repetitions; result Holm-corrected over all rows. "
-        "Equal: number of runs with exactly equal values.",
+        f"Equal: number of runs with exactly equal values.{_shortage(difference.changes)}",
         keys=3,
     )  # fmt: skip
+
+
+def _shortage(changes: Sequence[MetricChange]) -> str:
+    """Return the number of repetitions that a change needs, if there are fewer."""
+    counts = [each.change.sample_size for each in changes if isfinite(each.p)]
+    if not counts or max(counts) >= (needed := needed_differences(len(counts))):
+        return ""
+    return (
+        f" With {max(counts)} repetitions no change of runs that vary can be shown at 5 %: "
+        f"{len(counts)} results need at least {needed}."
+    )
 
 
 def _row(change: MetricChange) -> tuple[str, ...]:

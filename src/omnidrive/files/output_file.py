@@ -17,8 +17,8 @@ from omnidrive.errors import CannotWrite, OmnidriveError, one_line
 
 _COMPUTER = sha256(node().encode()).hexdigest()[:8]
 _NUMBERS = count()
-_PART = re.compile(r"\..*\.([0-9a-f]{8})-(\d+)-\d+\.part", re.DOTALL)
-"""Name of a temporary file: computer, process and number of the file."""
+_PART = re.compile(r"\..*\.([0-9a-f]{8})-(\d+)-\d+\.part(?:-wal|-shm)?", re.DOTALL)
+"""Name of a temporary file: computer, process and number of the file. A database has two more."""
 
 _ADVICE = "choose another path"
 
@@ -69,7 +69,7 @@ def remove_abandoned(folder: Path, name: str | None = None) -> None:
         name: Name of the file in it whose temporary files are removed. None: those of every file,
             also in the folders below.
     """
-    pattern = "**/.*.part" if name is None else f".{escape(name)}.*.part"
+    pattern = "**/.*.part*" if name is None else f".{escape(name)}.*.part*"
     with suppress(OSError):
         for part in folder.glob(pattern):
             found = _PART.fullmatch(part.name)

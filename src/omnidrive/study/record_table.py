@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -145,10 +145,10 @@ def _factor_columns(texts: Sequence[str]) -> dict[str, pa.Array | list[Any]]:
     return columns
 
 
-def _loaded(texts: Iterable[str]) -> list[dict[str, Any]]:
+def _loaded(texts: Collection[str]) -> list[dict[str, Any]]:
     """Return the values of stored texts."""
     values = json.loads(f"[{','.join(texts)}]")
-    if not all(isinstance(each, dict) for each in values):
+    if len(values) != len(texts) or not all(isinstance(each, dict) for each in values):
         raise ValueError("factors of a run are no mapping")
     return list(values)
 

@@ -105,15 +105,22 @@ def code_in(path: str, value: Any) -> Iterator[tuple[Group, str]]:
     if head not in CODE_SECTIONS:
         return
     if isinstance(value, str):
-        is_type = rest.endswith("type") or "." not in rest
-        if is_type and is_code(value) and (head != "reference" or rest != "file"):
+        if is_code(value) and _names_component(head, rest):
             yield CODE_SECTIONS[head], value
     elif isinstance(value, list):
         for each in value:
             yield from code_in(path, each)
     elif isinstance(value, dict):
         for key in ["type"] if "type" in value else value:
-            yield from code_in(f"{head}.{key}", value[key])
+            yield from code_in(f"{path}.{key}", value[key])
+
+
+def _names_component(section: str, rest: str) -> bool:
+    """Return whether a text at a path in a section is the name of a component, no parameter."""
+    if section == "controllers":
+        return "." not in rest or rest.endswith(".type")
+    where = "estimator" if section == "sensors" else ""
+    return rest in {where, f"{where}.type".removeprefix(".")}
 
 
 def allow_named(path: str, value: Any) -> None:

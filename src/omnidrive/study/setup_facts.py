@@ -8,8 +8,10 @@ from typing import Any
 import yaml
 from pydantic import BaseModel
 
+from omnidrive.components import Configured
 from omnidrive.components.fields import plain
 from omnidrive.errors import one_line
+from omnidrive.evaluation.results import ControllerType
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_sections import RobotSection
@@ -108,7 +110,19 @@ def _reference_text(scenario: Scenario) -> str:
     return f"planned path on the map {one_line(Path(scenario.map.source).name, 60)}"
 
 
-def _component_text(configured: Any) -> str:
+def _component_text(configured: Configured) -> str:
     """Return type and changed parameters of a component."""
-    changes = ", ".join(f"{name} = {value}" for name, value in configured.changes.items())
+    changes = _changes_text(configured)
     return one_line(f"{configured.type} ({changes})" if changes else configured.type, 200)
+
+
+def _changes_text(configured: Configured) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in configured.changes.items())
+
+
+def controller_types(scenario: Scenario) -> dict[str, ControllerType]:
+    """Return type, description and changed parameters of each controller, by its label."""
+    return {
+        label: ControllerType(each.type, each.component.summary, _changes_text(each))
+        for label, each in scenario.controllers.items()
+    }

@@ -153,9 +153,11 @@ class Store:
         if self.fact("definition") == definition:
             return
         with self.transaction() as connection:
-            connection.execute("DELETE FROM runs")
-            connection.execute("DELETE FROM claims")
-            write_facts(connection, {**self._facts(), "definition": definition, "runs": 0})
+            facts = self._facts()
+            if facts.get("definition") != definition:  # another process may have done it
+                connection.execute("DELETE FROM runs")
+                connection.execute("DELETE FROM claims")
+                write_facts(connection, {**facts, "definition": definition, "runs": 0})
 
     def add(self, records: Sequence[RunRecord], logs: Sequence[str | None] = ()) -> None:
         """Store records in one transaction, and release the claims of their runs.

@@ -37,8 +37,9 @@ def user_error(path: Path, error: Exception) -> CannotWrite | InvalidStore:
             "choose another folder"
         )
     return InvalidStore(
-        f"{name} is damaged ({one_line(str(error), 120)}). Restore it from a copy, or keep what "
-        "can be read of it and compute the rest again with: omnidrive study resume"
+        f"{name} is damaged ({one_line(str(error), 120)}). Restore it from a copy, or repeat the "
+        "command that began the study, which keeps what can be read; if that fails, too, move the "
+        "file away first"
     )
 
 

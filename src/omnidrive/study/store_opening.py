@@ -10,6 +10,8 @@ from __future__ import annotations
 import logging
 import os
 import sqlite3
+from contextlib import closing
+from functools import cache
 from itertools import count
 from pathlib import Path
 from shutil import copyfile
@@ -35,6 +37,7 @@ from omnidrive.study.stored_rows import (
 
 _READ = ("facts", "results", "runs")  # tables that a reader needs
 _LARGEST = 2**26  # bytes of a value; larger ones are damaged
+_MOST_REBUILDS = 5  # attempts to get a whole database, also by other processes
 
 _log = logging.getLogger("omnidrive")
 
@@ -51,8 +54,10 @@ def open_to_read(path: Path) -> sqlite3.Connection:
     try:
         try:
             connection.execute("SELECT COUNT(*) FROM sqlite_master")
-        except sqlite3.OperationalError:  # no process writes in a read-only folder
-            connection.close()
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY:  # a process rebuilds it
+                raise
+            connection.close()  # no process writes in a read-only folder
             connection = _connected(f"{uri}&immutable=1")
         _check_identity(connection, path)
         _check_tables(connection)
@@ -70,7 +75,8 @@ def open_to_write(path: Path) -> sqlite3.Connection:
         CannotWrite: A new file cannot be written.
         sqlite3.Error: It cannot be opened, or nothing in it can be read.
     """
-    while True:
+    defect: str | None = None
+    for _ in range(_MOST_REBUILDS):
         identity = path.stat().st_ino if path.exists() else None
         connection = _connected(path)
         try:
@@ -82,6 +88,7 @@ def open_to_write(path: Path) -> sqlite3.Connection:
             raise
         connection.close()
         _rebuild(path, identity, defect)
+    raise sqlite3.DatabaseError(f"also after it was rebuilt: {defect}")
 
 
 def _connected(path: Path | str) -> sqlite3.Connection:
@@ -125,16 +132,17 @@ def _schema(connection: sqlite3.Connection) -> set[tuple[Any, ...]]:
 
 def _check_tables(connection: sqlite3.Connection) -> None:
     """Raise DatabaseError unless the database has the tables that readers need."""
-    for row in _schema(_empty()) - _schema(connection):
+    for row in _own_schema() - _schema(connection):
         if row[1] in _READ:
             raise sqlite3.DatabaseError(f"its table {row[1]} is missing, or has other columns")
 
 
-def _empty() -> sqlite3.Connection:
-    """Return a database in memory without rows."""
-    connection = sqlite3.connect(":memory:")
-    connection.executescript(SCHEMA)
-    return connection
+@cache
+def _own_schema() -> set[tuple[Any, ...]]:
+    """Return the schema of a whole database."""
+    with closing(sqlite3.connect(":memory:")) as connection:
+        connection.executescript(SCHEMA)
+        return _schema(connection)
 
 
 def _defect(connection: sqlite3.Connection, path: Path) -> str | None:
@@ -149,7 +157,7 @@ def _defect(connection: sqlite3.Connection, path: Path) -> str | None:
         if not connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:
             _create(connection)
         _check_identity(connection, path)
-        if _schema(connection) != _schema(_empty()):
+        if _schema(connection) != _own_schema():
             return "its tables are other ones"
         ((found, *_),) = connection.execute("PRAGMA quick_check(1)").fetchall()
         if found != "ok":
@@ -211,10 +219,12 @@ def _rebuild(path: Path, identity: int | None, defect: str) -> None:
     """
     damaged = _connected(path)
     try:
+        if path.stat().st_ino != identity:  # another process has rebuilt it, and may use it
+            return
         damaged.execute("PRAGMA writable_schema = ON")
         damaged.execute("PRAGMA locking_mode = EXCLUSIVE")
         damaged.execute("BEGIN EXCLUSIVE")
-        if path.stat().st_ino != identity:  # another process has rebuilt it
+        if path.stat().st_ino != identity:  # another process has rebuilt it meanwhile
             return
         with output_file(path) as part:
             kept, lost = _copied(damaged, part, path)

@@ -90,7 +90,7 @@ RESULT_OF_KEY = (
     "SELECT outcome, finished, names, floats, detail FROM results WHERE key = ?1 AND "
     f"checksum = {_checksum(['?1', *_RESULT[1:]])}"
 )
-"""SQL query of a valid result by its key; that a damaged index names another row is found."""
+"""SQL query of a valid result by its key; none if a damaged index leads to another row."""
 
 INSERT_RESULT = f"""
 INSERT INTO results ({", ".join(_RESULT)}, checksum)
@@ -158,7 +158,7 @@ def result_record(key: str, values: Sequence[Any]) -> RunRecord:
     """
     outcome, finished, names, floats, detail = values
     metrics, timing = names_of(names)
-    numbers = unpack_floats(floats, len(metrics) + len(timing))
+    numbers = _unpack_floats(floats, len(metrics) + len(timing))
     return RunRecord(
         number=-1, key=key, pairing=-1, controller="", task="", repetition=0, factors={},
         outcome=outcome, finished=bool(finished),
@@ -187,7 +187,7 @@ def _is_names(value: Any) -> bool:
     )
 
 
-def unpack_floats(floats: bytes, count: int) -> tuple[float, ...]:
+def _unpack_floats(floats: bytes, count: int) -> tuple[float, ...]:
     """Return stored numbers.
 
     Raises:
@@ -261,7 +261,8 @@ def count_outcomes(connection: sqlite3.Connection) -> Counter[tuple[str, bool]]:
     Raises:
         sqlite3.Error: The database cannot be read at all.
     """
-    query = f"SELECT outcome, finished, COUNT(*) {_VALID_ROWS} GROUP BY outcome, finished"
+    count = "COUNT(DISTINCT number)"  # a page may occur twice
+    query = f"SELECT outcome, finished, {count} {_VALID_ROWS} GROUP BY outcome, finished"
     try:
         rows = connection.execute(query, _NUMBERS).fetchall()
     except sqlite3.DatabaseError as error:
@@ -317,9 +318,10 @@ def _rows(connection: sqlite3.Connection, query: str) -> Iterator[list[tuple[Any
                 if not all(a < b for a, b in pairwise(numbers)):  # a page occurs twice
                     kept = {row[0]: row for row in rows if row[0] > last}
                     rows = [kept[number] for number in sorted(kept)]
-                last = rows[-1][0] if rows else last
                 found = True
-                yield rows
+                if rows:
+                    last = rows[-1][0]
+                    yield rows
         except sqlite3.DatabaseError as error:
             if not is_corrupt(error):
                 raise

@@ -19,7 +19,6 @@ import pyarrow.parquet as pq
 from omnidrive.components.code import CodePermission
 from omnidrive.errors import InvalidInput, one_line
 from omnidrive.evaluation.evidence import StudyEvidence
-from omnidrive.evaluation.results import ControllerType
 from omnidrive.evaluation.run_table import RunTable
 from omnidrive.evaluation.study_difference import StudyDifference, study_difference
 from omnidrive.evaluation.study_facts import StudyFacts
@@ -30,7 +29,7 @@ from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.run_key import VERSIONS, plan_digest
 from omnidrive.study.run_plan import RunPlan
-from omnidrive.study.setup_facts import setup_facts
+from omnidrive.study.setup_facts import controller_types, setup_facts
 from omnidrive.study.store import Store
 from omnidrive.study.stored_rows import Loss
 from omnidrive.study.study_folder import (
@@ -75,12 +74,12 @@ class StoredStudy(NamedTuple):
         """Return what the report states beside the results."""
         definition, plan = self.definition, RunPlan(self.definition)
         until = f" --until {quote(self.until)}" if self.until else ""
-        scenario, code = definition.scenario, " --allow-code" if definition.names_code else ""
+        code = " --allow-code" if definition.names_code else ""
         return StudyFacts(
             name=definition.name,
             question=definition.question,
             setup=setup_facts(definition),
-            types={label: _controller_type(each) for label, each in scenario.controllers.items()},
+            types=controller_types(definition.scenario),
             planned=0 if self.until else len(plan),
             definition=self.text,
             command=f"omnidrive compare {SCENARIO_FILE}{code} --out repeated"
@@ -102,7 +101,7 @@ class StoredStudy(NamedTuple):
     def _versions(self, plan: RunPlan) -> dict[str, str]:
         """Return the versions that computed the runs, if they are the installed ones."""
         number, key = self.table["number"][0].as_py(), self.table["key"][0].as_py()
-        if number < len(plan) and plan.keys(number, number + 1) == [key]:
+        if 0 <= number < len(plan) and plan.keys(number, number + 1) == [key]:
             return {name: version(name) for name in VERSIONS}
         fact = "other ones, or other files, than those that are installed now"
         if self.definition.names_code:
@@ -251,8 +250,3 @@ def _write_csv(table: pa.Table, file: Any) -> None:
         for name, column in zip(table.column_names, table.columns, strict=True)
     }  # fmt: skip
     pa_csv.write_csv(pa.table(columns), file)
-
-
-def _controller_type(configured: Any) -> ControllerType:
-    changes = ", ".join(f"{name} = {value}" for name, value in configured.changes.items())
-    return ControllerType(configured.type, configured.component.summary, changes)

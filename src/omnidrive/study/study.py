@@ -11,7 +11,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from omnidrive.compiled import announce_compiling
-from omnidrive.components import Configured, configure
+from omnidrive.components import configure
 from omnidrive.control.controller import FALLS_BEHIND
 from omnidrive.errors import InvalidInput, RunFailed
 from omnidrive.evaluation import (
@@ -26,7 +26,6 @@ from omnidrive.evaluation import (
     write_tables,
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
-from omnidrive.evaluation.results import ControllerType
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.notebook import facts_html, table_html
 from omnidrive.parameter import Bounds, check_number
@@ -38,6 +37,7 @@ from omnidrive.study.jobs import Job, Result, jobs_of
 from omnidrive.study.output_paths import REPORT_FILE, check_new_folder, check_study_folder
 from omnidrive.study.planned_scenario import PlannedScenario, plan_and_check
 from omnidrive.study.scenario import Scenario, paper_scenario
+from omnidrive.study.setup_facts import controller_types
 from omnidrive.study.stored_runs import StoredRuns
 from omnidrive.visualization import Observer
 
@@ -163,7 +163,7 @@ def run_study(
         run_timeout: Largest wall time of a run in a worker process, s; a run that takes longer is
             ended, and the others go on. None: no limit.
         numbered: Whether to append -2, -3, ... to the name of a folder that exists.
-        figures: Formats of the figures: svg, pdf or png.
+        figures: Formats of the figures: some of svg, pdf and png, or none.
 
     Raises:
         InvalidInput: The scenario is not feasible, or the runs cannot have a time limit.
@@ -342,7 +342,7 @@ def collect_results(
         tracks=tuple(r for r in done if isinstance(r, TrackResult)),
         steps=tuple(r for r in done if isinstance(r, StepResult)),
         faults=tuple(r for r in done if isinstance(r, FaultResult)),
-        types={label: _controller_type(each) for label, each in scenario.controllers.items()},
+        types=controller_types(scenario),
     )
 
 
@@ -352,9 +352,3 @@ def _title(scenario: Scenario) -> str:
     if len(scenario.controllers) == 1:
         facts[:1] = [*scenario.controllers, *(facts[:1] if scenario.preset != "paper" else ())]
     return f"{scenario.name}: {', '.join(facts)}"
-
-
-def _controller_type(configured: Configured) -> ControllerType:
-    """Return type, description and changed parameters of a controller, for the report."""
-    changes = ", ".join(f"{name} = {value}" for name, value in configured.changes.items())
-    return ControllerType(configured.type, configured.component.summary, changes)

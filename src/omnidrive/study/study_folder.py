@@ -89,10 +89,11 @@ def check_unchanged(store: Store, file: Path) -> None:
         InvalidStore: The file cannot be read, or was changed after the runs were computed.
     """
     if store.fact(_FILE_FACT) not in {None, _file_hash(file)}:
-        verb, name = "compare" if file.name == SCENARIO_FILE else "study", one_line(str(file))
+        verb = "compare" if file.name == SCENARIO_FILE else "study"
+        again = shlex.join(["omnidrive", verb, str(file), "--out", "FOLDER"])
         raise InvalidStore(
-            f"{name} was changed after its runs were computed; restore it, or compute the changed "
-            f"study in another folder: omnidrive {verb} {name} --out FOLDER"
+            f"{one_line(str(file))} was changed after its runs were computed; restore it, or "
+            f"compute the changed study in another folder: {one_line(again)}"
         )
 
 
