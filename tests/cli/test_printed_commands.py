@@ -68,7 +68,7 @@ def test_printed_commands_are_accepted(where, command):
     """N stands for a number, and an option at the end without its value is only named."""
     words = shlex.split(command.partition(" > ")[0])[1:]
     try:
-        parse(["1" if word == "N" else word for word in words if word != "--help"])
+        parse(["2" if word == "N" else word for word in words if word != "--help"])
     except typer.exceptions.TyperException as error:
         named = words[-1].startswith("--")
         if not (named and "requires an argument" in str(error)):

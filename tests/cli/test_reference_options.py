@@ -32,7 +32,7 @@ def test_waypoint_file_on_an_open_floor(here, ending, as_option):
     name = f"w.{ending}"
     options = ScenarioOptions(reference=name) if as_option else ScenarioOptions(scenario=name)
     scenario = options.resolve()
-    assert scenario.reference.values == {"file": name}
+    assert scenario.reference.values == {"file": name, "heading": "tangent"}
     assert scenario.map.source == "none"
     assert scenario.name == "w"
     durations = scenario.tasks.path_durations

@@ -61,7 +61,7 @@ def study(monkeypatch):
     """A study that is not simulated, with an event, a collision and an overlap."""
     run = Mock(run=Mock(events=[Event(1.0, "a push")]))
     made = Mock(
-        spec=Study, results=Mock(runs=[run]), tables=[], timing={"plan": 1.0},
+        spec=Study, results=Mock(runs=[run], types={}), tables=[], timing={"plan": 1.0},
         collisions={"track": 2}, overlaps=["step"],
     )  # fmt: skip
 

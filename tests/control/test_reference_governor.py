@@ -81,7 +81,7 @@ class FailsLate(Jump):
 def test_references_that_it_leaves_as_they_are(reference):
     ours = governor()
     assert ours.govern(reference) is reference
-    assert ours.delay(1.0) == 0.0
+    assert ours.delay(reference, 1.0) == 0.0
     assert ours.retime(reference) == Retiming(reference)
 
 
@@ -109,7 +109,7 @@ def test_reference_beyond_the_limits_is_followed_later():
     assert isinstance(governed, DelayedReference)
     assert governed.reference is reference
     assert ours.govern(reference) is governed  # computed once
-    assert ours.delay(0.5) == 0.0 < ours.delay(7.0) == governed.delay(7.0)
+    assert ours.delay(reference, 0.5) == 0.0 < ours.delay(reference, 7.0) == governed.delay(7.0)
     tracked, notice = ours.retime(reference)
     duration = governed.duration
     assert tracked is governed

@@ -223,6 +223,7 @@ def test_a_log_that_ends_stops_the_loop(tmp_path):
     assert result.ending == "the link is lost: the log ends"
 
 
+@pytest.mark.long  # it depends on the speed of the machine
 def test_log_on_wall_time(tmp_path):
     planned = planned_with("feedforward")
     write_log(tmp_path / "a.mcap", planned)

@@ -23,6 +23,7 @@ import yaml
 from typer.testing import CliRunner
 
 from omnidrive.cli.main import app, load_verb
+from omnidrive.components import code as named_code
 from omnidrive.errors import CannotDraw, OmnidriveError
 from omnidrive.robot import named_robot
 from omnidrive.study import load_scenario, paper_scenario, study
@@ -109,6 +110,7 @@ class PageRunner:
             words = [*words, *([] if self.is_long else block.options)]
             if words[0] == "compare" and "--jobs" not in words:
                 words += ["--jobs", "1"]  # worker processes would import the package again
+        named_code._allowed.clear()  # a command is a process of its own
         result = CliRunner().invoke(app, words, env={"COLUMNS": "110"})
         error = result.exception
         if "fails" in block.marks:

@@ -24,7 +24,7 @@ def test_lengths_match_the_benchmark_files(name, method):
     grid, queries = benchmark(name)
     grid_search = GridSearch(grid)
     assert len(queries) >= 100
-    for start, goal, length, _ in queries:
+    for start, goal, length, *_ in queries:
         found = grid_search.search(start, goal, method=method)
         assert found.cost == pytest.approx(length, abs=1e-6)
 

@@ -243,7 +243,7 @@ def test_too_many_headings_are_rejected():
 
 def test_message_without_casadi(papers_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
-    with pytest.raises(MissingExtra, match=r"omnidrive\[casadi\]"):
+    with pytest.raises(MissingExtra, match="pip install casadi"):
         minimum_time(papers_path, PAPER, PAPER_LIMITS, paper_map())
     with pytest.raises(MissingExtra, match="timing 'limits'"):
         time_within_limits(papers_path, PAPER, PAPER_LIMITS, heading="free")

@@ -198,7 +198,7 @@ HEAD = "t,command_vx,command_vy,command_yaw_rate,x,y,yaw,wheel_speed_0\n"
         ),
         ("a.csv", HEAD.encode() + b"0,0,0,0,0,0,0,0\n9999,0,0,0,0,0,0,0\n", "at most 3600 s"),
         ("a.parquet", b"PAR1 nonsense", "is not a log: "),
-        ("a.csv", b"\xff\xfe", "is not a log: "),
+        ("a.csv", b"\xff\xfe", "there is no column 't'"),
     ],
 )
 def test_bad_logs_are_refused_with_one_sentence(tmp_path, name, content, message):

@@ -47,7 +47,7 @@ DATA = {
 
 
 def scenario(reference, **changes):
-    return parse_scenario(DATA | {"reference": reference} | changes, "test")
+    return parse_scenario(DATA | {"reference": reference} | changes, "test", allow_code=True)
 
 
 def circle_file(tmp_path, name="w.csv", duration=12.0):

@@ -96,10 +96,10 @@ def _record(name: str, component: components.Component | str) -> dict[str, Any]:
 def _print(name: str, component: components.Component | str) -> None:
     """Print one component: name, origin and summary, then a line for each parameter."""
     if isinstance(component, str):
-        show(f"{typer.style(name, bold=True)}  {component}")
+        show(f"  {component}", name, bold=True)
         return
     summary = f"\n    {component.summary}" if component.summary else ""
-    show(f"{typer.style(name, bold=True)}  ({component.origin}){summary}")
+    show(f"  ({component.origin}){summary}", name, bold=True)
     for each in component.parameters:
         width = min(get_terminal_size().columns, 100)
         show(fill(_line(each), width, initial_indent=" " * 4, subsequent_indent=" " * 8))

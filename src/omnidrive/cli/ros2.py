@@ -100,7 +100,7 @@ def _print(seen: Examination, findings: list[Finding]) -> None:
         show(f"topic  {one_line(topic, 200)}  {', '.join(sorted(types))}  {counts}{rate}")
     for finding in findings:
         style = {"error": "red", "warning": "yellow", "note": "green"}[finding.level]
-        show(f"{typer.style(f'{finding.level:<8}', fg=style)} {one_line(finding.fact, 500)}")
+        show(f" {one_line(finding.fact, 500)}", f"{finding.level:<8}", fg=style)
         if finding.remedy:
             show(f"         {finding.remedy}")
 

@@ -33,10 +33,16 @@ def is_quiet() -> bool:
     return _Output.quiet
 
 
-def show(text: str = "") -> None:
-    """Print a line of results, unless ``--quiet`` is given."""
+def show(text: str = "", head: str = "", **style: Any) -> None:
+    """Print a line of results, unless ``--quiet`` is given.
+
+    Args:
+        text: The line.
+        head: What comes before it, in this ``style``.
+        style: Arguments of ``typer.style``.
+    """
     if not _Output.quiet:
-        _echo(text)
+        _echo(text, head=head, **style)
 
 
 def conclude(text: str, *, beside_json: bool = False) -> None:
@@ -72,10 +78,11 @@ def _print(text: str) -> None:
         _echo(f"omnidrive: {one_line(' '.join(text.split()), _LONGEST)}", err=True)
 
 
-def _echo(text: str, *, err: bool = False) -> None:
-    """Print a line on standard output or standard error."""
+def _echo(text: str, *, err: bool = False, head: str = "", **style: Any) -> None:
+    """Print a line on standard output or standard error, with a head in a style."""
     stream = sys.stderr if err else sys.stdout
-    typer.echo(encodable(text, stream.encoding), file=stream)
+    start = typer.style(encodable(head, stream.encoding), **style) if head else ""
+    typer.echo(start + encodable(text, stream.encoding), file=stream)
 
 
 def encodable(text: str, encoding: str | None) -> str:

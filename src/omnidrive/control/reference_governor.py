@@ -74,7 +74,7 @@ class ReferenceGovernor:
     def govern(self, reference: Reference) -> Reference:
         """Return the reference to track, computed when ``reference`` is first seen."""
         self._tracked = self._find(reference)
-        return self._tracked.governed
+        return self._tracked.retiming.reference
 
     def delay(self, reference: Reference, t: float) -> float:
         """Return the delay of the governed reference at the time ``t`` (s), in s."""
@@ -86,8 +86,7 @@ class ReferenceGovernor:
 
     def retime(self, reference: Reference) -> Retiming:
         """Return the governed reference, and what the original one needs if it is another."""
-        found = self._find(reference)
-        return Retiming(found.governed, found.needs)
+        return self._find(reference).retiming
 
     def _find(self, reference: Reference) -> _Governed:
         """Return the governed reference of ``reference``."""
@@ -95,7 +94,7 @@ class ReferenceGovernor:
             if each is not None and each.reference is reference:
                 return each
         governed = self._computed(reference)
-        found = _Governed(reference, governed, self._needs(reference, governed))
+        found = _Governed(reference, Retiming(governed, self._needs(reference, governed)))
         self._latest = (found, *self._latest[:1])
         return found
 
@@ -145,6 +144,4 @@ class _Governed(NamedTuple):
     """A reference and what is tracked instead."""
 
     reference: Reference
-    governed: Reference
-    needs: str
-    """What the reference needs, if it is delayed."""
+    retiming: Retiming

@@ -261,7 +261,7 @@ def count_outcomes(connection: sqlite3.Connection) -> Counter[tuple[str, bool]]:
     Raises:
         sqlite3.Error: The database cannot be read at all.
     """
-    count = "COUNT(DISTINCT number)"  # a page may occur twice
+    count = "COUNT(DISTINCT number + 0)"  # a page may occur twice, which SQLite does not expect
     query = f"SELECT outcome, finished, {count} {_VALID_ROWS} GROUP BY outcome, finished"
     try:
         rows = connection.execute(query, _NUMBERS).fetchall()

@@ -7,8 +7,10 @@ from math import isfinite, nan
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
-from omnidrive.evaluation.mean_test import difference_tests
+from omnidrive.arrays import Array
+from omnidrive.evaluation.mean_test import difference_tests, mean_intervals
 from omnidrive.evaluation.quantities import QUANTITIES
 from omnidrive.evaluation.uncertainty import MeanEstimate
 from omnidrive.study.run_record import RunRecord
@@ -93,12 +95,7 @@ def held_out_gain(before: Records, after: Records, objectives: Sequence[Objectiv
         after: Those after tuning.
         objectives: The objectives.
     """
-    earlier = {each.pairing: each for each in before}
-    pairs = [
-        (earlier[each.pairing], each)
-        for each in after
-        if each.finished and each.pairing in earlier and earlier[each.pairing].finished
-    ]
+    pairs = _finished_pairs(before, after)
     gains = [_gain(str(each), pairs, each.value) for each in objectives]
     plain = {
         term.metric.name
@@ -123,21 +120,50 @@ def _mean_of(name: str, factor: float) -> Callable[[Records], float]:
     return lambda records: factor * float(np.mean([metric_value(each, name) for each in records]))
 
 
+def validation_gain(before: Records, after: Records, objective: Objective) -> Gain:
+    """Return the gain of an objective on validation runs, for a choice and not for a claim.
+
+    Its interval is that of the mean, see :func:`~omnidrive.evaluation.mean_test.mean_intervals`,
+    which also exists for the few repetitions of a validation.
+    """
+    means, differences = _paired_values(_finished_pairs(before, after), objective.value)
+    (interval,) = mean_intervals(differences[:, None])
+    return Gain(str(objective), *means, interval, nan)
+
+
+def _finished_pairs(before: Records, after: Records) -> list[tuple[RunRecord, RunRecord]]:
+    """Return the pairs of runs of which both finished."""
+    earlier = {each.pairing: each for each in before}
+    return [
+        (earlier[each.pairing], each)
+        for each in after
+        if each.finished and each.pairing in earlier and earlier[each.pairing].finished
+    ]
+
+
 def _gain(
     label: str, pairs: Sequence[tuple[RunRecord, RunRecord]], value: Callable[[Records], float]
 ) -> Gain:
+    if not pairs:
+        return Gain(label, nan, nan, MeanEstimate(nan, nan, nan, 0), nan)
+    means, differences = _paired_values(pairs, value)
+    (tested,) = difference_tests(differences[:, None])
+    return Gain(label, *means, tested.estimate, tested.p)
+
+
+def _paired_values(
+    pairs: Sequence[tuple[RunRecord, RunRecord]], value: Callable[[Records], float]
+) -> tuple[tuple[float, float], Float[Array, " values"]]:
+    """Return the means before and after, and the independent differences."""
     groups: dict[int, list[tuple[RunRecord, RunRecord]]] = {}
     single = len({after.repetition for _, after in pairs}) == 1
     for k, pair in enumerate(pairs):
         groups.setdefault(k if single else pair[1].repetition, []).append(pair)
-    if not groups:
-        return Gain(label, nan, nan, MeanEstimate(nan, nan, nan, 0), nan)
     values = np.array(
         [[value([pair[side] for pair in chosen]) for side in (0, 1)] for chosen in groups.values()]
-    )
-    (tested,) = difference_tests((values[:, 1] - values[:, 0])[:, None])
-    before, after = values.mean(axis=0).tolist()
-    return Gain(label, before, after, tested.estimate, tested.p)
+    ).reshape(-1, 2)
+    before, after = values.mean(axis=0).tolist() if len(values) else (nan, nan)
+    return (before, after), values[:, 1] - values[:, 0]
 
 
 def _percent(share: float) -> str:

@@ -26,7 +26,7 @@ from omnidrive.study import (
 )
 from omnidrive.study.run_record import TIMING
 from omnidrive.study.store import Store
-from omnidrive.tuning.gain import BETTER, WORSE, HeldOut, held_out_gain
+from omnidrive.tuning.gain import BETTER, WORSE, HeldOut, held_out_gain, validation_gain
 from omnidrive.tuning.objective import Objective
 from omnidrive.tuning.problem import (
     HELD_OUT_FILE,
@@ -269,8 +269,7 @@ def _shows_loss(
             [each for each in runs if tuple(each.factors[name] for name in axes) == values]
             for runs in (before, after)
         ]
-        gains = held_out_gain(there[0], there[1], [objective]).gains
-        if gains and gains[0].verdict == WORSE:
+        if validation_gain(there[0], there[1], objective).verdict == WORSE:
             return True
     return False
 
@@ -279,8 +278,7 @@ def _shows_gain(
     before: Sequence[RunRecord], after: Sequence[RunRecord], objective: Objective
 ) -> bool:
     """Return whether the interval of a gain excludes zero or, of one repetition, all runs gain."""
-    gains = held_out_gain(before, after, [objective]).gains
-    if gains and gains[0].verdict == BETTER:
+    if validation_gain(before, after, objective).verdict == BETTER:
         return True
     pairs = zip(before, after, strict=True)
     single = len({each.repetition for each in after}) == 1

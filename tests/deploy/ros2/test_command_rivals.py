@@ -59,6 +59,7 @@ def test_a_command_of_another_node_is_an_error_with_its_name():
             link.node.wait_for(lambda: publisher.publish(publisher.message()) or link.read(), 5.0)
 
 
+@pytest.mark.long  # a message that does not arrive within a time
 def test_a_command_before_the_drive_is_none_of_it():
     with meeting() as (link, publisher):
         link.open(MonotonicClock())

@@ -88,4 +88,4 @@ def test_parameters_of_every_node_and_of_this_one_are_joined(tmp_path):
 
 def test_a_parameter_that_a_reference_lacks_is_an_error_of_the_user():
     with pytest.raises(InvalidInput, match=r"circle: .*has no parameter 'duration'"):
-        _motion("circle,duration=6", named_robot("mecanum"), Pose(0.0, 0.0, 0.0))
+        _motion("circle,duration=6", named_robot("mecanum"), Pose(0.0, 0.0, 0.0), None)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pathlib
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import numpy as np
 
 from omnidrive.choices import TableHeading
 from omnidrive.errors import InvalidReference, kind_of, one_line, short_repr
 from omnidrive.files.str_path import StrPath, to_path
+from omnidrive.parameter import check_choice
 from omnidrive.planning import Path
 from omnidrive.reference.limit_sampling import MIN_ADDED_STEP, sample_within_limits
 from omnidrive.reference.reference import Reference
@@ -55,6 +56,7 @@ def load_waypoints(path: StrPath, *, heading: TableHeading = "tangent") -> Path 
     Raises:
         InvalidReference: The file is missing, malformed, too large or inconsistent.
     """
+    check_choice("heading", heading, get_args(TableHeading))
     file = to_path(path)
     kind = _format(file)
     return read_csv(file, heading) if kind.read is read_csv else kind.read(file)
