@@ -180,7 +180,7 @@ def test_round_trip(system):
 @pytest.mark.parametrize(
     ("old", "new", "position", "message"),
     [
-        ("cold ZShape 5 18", "cold Cosine 5 18", "line 7, column 14", "Cosine"),
+        ("cold ZShape 5 18", "cold Arc 5 18", "line 7, column 14", "Arc"),
         ("cold ZShape 5 18", "cold ZShape 5 18 0.5", "line 7, column 14", "height of 0.5"),
         ("cold ZShape 5 18", "cold ZShape 5", "line 7, column 14", "expected 2 parameters"),
         ("cold ZShape 5 18", "cold ZShape 5 x", "line 7, column 23", "number"),
@@ -192,7 +192,6 @@ def test_round_trip(system):
         ("hot Ramp 24 30", "hot Ramp 24 24", "line 9, column 13", "no direction"),
         ("InputVariable: sky", "InputVariable: room", "", "'room' is there twice"),
         ("range: -10.0 40.0", "range: 4 4", "line 3", "must have a width"),
-        ("range: -10.0 40.0", "range: -inf inf", "line 3", "-inf is not a finite number"),
         ("range: -10.0 40.0", "range: 4", "line 5, column 10", "two numbers"),
         ("range: -10.0 40.0", "reach: 4", "line 5, column 3", "'reach'"),
         ("  lock-range: false", "  range: 0 1", "line 6, column 3", "twice"),

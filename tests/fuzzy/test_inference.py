@@ -287,6 +287,7 @@ def test_sampled_centroid_converges_quadratically():
 # --- symmetries --------------------
 
 MIRRORED = {
+    "cosinemf": lambda a, c: ("cosinemf", (a, -c)),
     "trimf": lambda a, b, c: ("trimf", (-c, -b, -a)),
     "trapmf": lambda a, b, c, d: ("trapmf", (-d, -c, -b, -a)),
     "pimf": lambda a, b, c, d: ("pimf", (-d, -c, -b, -a)),

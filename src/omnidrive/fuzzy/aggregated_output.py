@@ -124,7 +124,7 @@ class _Fired(NamedTuple):
 
     def add_spikes(
         self, polyline: Float[Array, "4 pieces"], output: int, bound: int
-    ) -> Float[Array, "4 pieces"]:
+    ) -> Float[Array, "4 all"]:
         """Return the polyline of an output with the isolated points of its singletons."""
         if len(self.spikes.at) == 0:
             return polyline

@@ -71,7 +71,7 @@ def term_value(tokens: TokenStream, inputs: Collection[str]) -> TermValue:
         start = tokens.next.position
         return PointsEntry(_points(tokens), start)
     kind = tokens.name("a number, points, or a shape")
-    if kind.key in TERMS:
+    if kind.key in TERMS and kind.text not in TERM_CLASSES:  # Cosine is one of fuzzylite
         values = []
         while tokens.next.key != ";" and (tokens.next.kind in {"number", "word"}):
             values.append(_number(tokens))
