@@ -50,12 +50,7 @@ def encode(message: Message, *, prefix: bytes = b"") -> bytes:
 
 
 def decode(
-    data: bytes | memoryview,
-    name: str,
-    distribution: Distribution = LATEST,
-    *,
-    skip: int = 0,
-    partial: bool = False,
+    data: bytes | memoryview, name: str, distribution: Distribution = LATEST, *, skip: int = 0
 ) -> Message:
     """Return the message that bytes hold.
 
@@ -67,7 +62,6 @@ def decode(
         name: Full name of the type, such as ``nav_msgs/msg/Odometry``.
         distribution: Distribution whose definition holds.
         skip: Number of bytes between header and message, a multiple of eight.
-        partial: Whether further bytes may follow, as those of other fields.
 
     Raises:
         InvalidMessage: The bytes are not a message of this type.
@@ -84,7 +78,7 @@ def decode(
         message = codec.read(source)
     except _FAULTS as error:
         raise InvalidMessage(f"not a {name}: {one_line(str(error), 160)}") from None
-    if len(source.data) - source.at > 3 and not partial:
+    if len(source.data) - source.at > 3:
         raise InvalidMessage(f"not a {name}: {len(source.data) - source.at} bytes too many")
     return message
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from omnidrive.deploy.ros2.cdr import decode
+from omnidrive.deploy.ros2.cdr import decode, encode
 from omnidrive.deploy.ros2.message import Message, message_type
 from omnidrive.deploy.ros2.names import dds_topic, resolve
 from omnidrive.deploy.ros2.node import Node
@@ -28,8 +28,8 @@ class Service:
         type_name: Type of the service, such as ``lifecycle_msgs/srv/GetState``.
         handle: Returns the response to a request; None: :meth:`reply` gives it later. It receives
             the request and its identity.
-        head: Type of the first field of the request, which alone is decoded then; the handler
-            receives it, and the bytes from :attr:`data`.
+        head: Type, of fixed size, of the first field of the request, which alone is decoded then;
+            the handler receives it, and the bytes from :attr:`data`.
 
     Attributes:
         response: Class of the responses.
@@ -50,14 +50,15 @@ class Service:
         mark = "serviceid=" + ".".join(["10", *(f"{each:x}" for each in number)]) + ";"
         self._requests = node.request_subscription(dds_topic(full, "rq"), self._request, mark)
         self._replies = node.request_publisher(dds_topic(full, "rr"), f"{type_name}_Response", mark)
-        self._head, self.data = head, b""
+        self._head, self.data = head or self._request, b""
+        self._length = None if head is None else len(self._encoded(head)) + _IDENTITY
         self.response = self._replies.message
 
     def poll(self) -> None:
         """Answer the requests that arrived; those that are not of the type are left out."""
         for raw in self._requests.take_raw():
             try:
-                request = self._decoded(raw.data, self._head)
+                request = self._decoded(raw.data[: self._length], self._head)
             except InvalidMessage as error:
                 _log.warning("a request is refused: %s", error)
                 continue
@@ -73,16 +74,13 @@ class Service:
         Raises:
             InvalidMessage: They hold something else.
         """
-        return self._decoded(data, None)
+        return self._decoded(data, self._request)
 
-    def _decoded(self, data: bytes, head: str | None) -> Any:
-        return decode(
-            data,
-            head or self._request,
-            self._node.distribution,
-            skip=_IDENTITY,
-            partial=head is not None,
-        )
+    def _encoded(self, name: str) -> bytes:
+        return encode(message_type(name, self._node.distribution)())
+
+    def _decoded(self, data: bytes, name: str) -> Any:
+        return decode(data, name, self._node.distribution, skip=_IDENTITY)
 
     def reply(self, response: Message, identity: bytes) -> None:
         """Send the response to the request with an identity."""
