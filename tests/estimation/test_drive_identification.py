@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from omnidrive.control.nmpc.holonomic.actuation import Actuation
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation.drive_estimate import (
@@ -15,7 +16,6 @@ from omnidrive.estimation.drive_estimate import (
     check_start,
     drive_estimate,
     identified_robot,
-    known_drive,
     settings_around,
 )
 from omnidrive.estimation.drive_identification import CONTINUE, START, DriveSample, identify
@@ -335,7 +335,8 @@ def test_what_was_learned_is_a_robot_file_that_moves_as_the_robot(tmp_path):
     learned = load_robot(tmp_path / "learned.yaml")
     assert learned.motor_lag == pytest.approx(0.05, abs=0.01)
     assert learned.drive_gain == pytest.approx((0.95, 0.95, 0.9), abs=0.02)
-    assert known_drive(learned, 0.1)[:3] == (learned.drive_gain, learned.motor_lag, 0.1)
+    start = Actuation.of(learned, delay=0.1).drive
+    assert start[:3] == (learned.drive_gain, learned.motor_lag, 0.1)
     before = np.linalg.norm(drive(robot, commands) - poses, axis=1).max()
     assert np.linalg.norm(drive(learned, commands) - poses, axis=1).max() < 0.3 * before
 

@@ -127,11 +127,6 @@ def logged_drive(details: Mapping[str, Float[Array, " rows"]]) -> DriveEstimate 
     return drive_estimate(table[finite[-1]]) if len(finite) else None
 
 
-def known_drive(robot: Robot, delay: float = 0.0) -> DriveEstimate:
-    """Return the parameters of a robot file, and a delay, s, to start from."""
-    return DriveEstimate(robot.drive_gain, robot.motor_lag, delay, robot.motor_lag)
-
-
 def identified_robot(robot: Robot, estimate: DriveEstimate) -> Robot:
     """Return a robot with the identified gains and motor lag, for its file.
 
