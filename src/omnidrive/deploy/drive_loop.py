@@ -35,7 +35,7 @@ MAX_AGE = 0.5
 """Age of the estimate, of the readings and of the last command from which the robot is held, s, as
 ``cmd_vel_timeout`` of ros2_controllers."""
 MAX_WAIT = 60.0
-"""Time without driving after which a drive on a simulated clock ends, s: nobody waits beside it."""
+"""Time without driving after which a drive on a simulated clock ends, s; no user can arm it."""
 _TIMED_SAMPLES = 1_000_000
 _ALIGN_TIME = 2.0  # s; longest wait for the first readings
 _POLL = 0.0002  # s

@@ -20,7 +20,7 @@ from omnidrive.evaluation.table import NO_VALUE, number_text
 def comparison_tables(logs: Sequence[LoggedDrive], names: Sequence[str]) -> list[Table]:
     """Return tables of the errors, the punctuality, the states and the commands of two drives.
 
-    Errors are relative to the estimated pose, which is the only one that a robot knows.
+    Errors are relative to the estimated pose, which is the only one in a log.
 
     Args:
         logs: The logs.

@@ -1,4 +1,4 @@
-"""What the identification of the drive remembers, and what a controller should use of it."""
+"""State of the identification of the drive, and what a controller should use of it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _SIGNIFICANCE = 2.0
 
 
 class DriveMemory(NamedTuple):
-    """What the identification knows; all arrays are changed in place, and zero at the start.
+    """State of the identification; all arrays are changed in place, and zero at the start.
 
     They are consecutive parts of one vector, see :func:`memory_in`.
 

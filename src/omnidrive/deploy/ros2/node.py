@@ -44,7 +44,7 @@ _MOST = 4096
 
 
 class Received(NamedTuple):
-    """A message with what the middleware knows of it."""
+    """A message with its facts from the middleware."""
 
     message: Message
     """The message."""

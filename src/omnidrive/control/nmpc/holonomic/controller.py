@@ -295,7 +295,7 @@ class HolonomicController(GuardedController):
         return other
 
     def _copy_state(self, other: HolonomicController) -> None:
-        """Take over what another controller of the same sample time and horizon remembers."""
+        """Take over the memory of another controller of the same sample time and horizon."""
         self._solution, self._window = other._solution, copy(other._window)
         for ours, theirs in zip(leaves(self._memory), leaves(other._memory), strict=True):
             if ours.shape == theirs.shape:  # the multipliers of fewer wheels are others

@@ -1,4 +1,4 @@
-"""What the motion observer knows: its estimates, parameters of the drive, and sent commands."""
+"""State of the motion observer: its estimates, parameters of the drive, and sent commands."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class ObservedMotion(NamedTuple):
 
 
 class MotionMemory(NamedTuple):
-    """What the observer knows; all arrays are changed in place.
+    """State of the observer; all arrays are changed in place.
 
     The axes are x, y and yaw of B. The state of an axis is (displacement, twist, disturbance); its
     covariance neglects the coupling between axes.
@@ -53,7 +53,7 @@ class MotionMemory(NamedTuple):
     """Gains along x, y and yaw, lag of the motors in x and y (s), delay of the commands (s), the
     part of the lag that commands compensate (s); and the latter and the lag in yaw."""
     identified: Float[Array, " values"]
-    """What the identification of these parameters knows, see
+    """State of the identification of these parameters, see
     :func:`~omnidrive.estimation.drive_memory.memory_in`; empty without identification."""
     commands: Float[Array, "commands 3"]
     """Commanded twists, the latest one first: one more than take effect later."""

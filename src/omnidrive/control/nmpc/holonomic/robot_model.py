@@ -1,4 +1,4 @@
-"""What a step of the controller knows of the robot: response, wheels, and limits."""
+"""Parameters of the robot in a step of the controller: response, wheels, and limits."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MAX_SPEEDING = 3.0
 
 
 class RobotModel(NamedTuple):
-    """What a step knows of the robot."""
+    """Parameters of the robot in a step."""
 
     model: SlipModel
     """Response to commands."""

@@ -183,7 +183,7 @@ def fill_problem(  # noqa: PLR0917
 
     Args:
         robot: The robot.
-        memory: What the motion observer knows.
+        memory: State of the motion observer.
         p: The problem; ``start``, ``previous``, ``targets`` and ``feedforward`` are filled in.
         window: Setpoints of the reference, ``dt`` apart.
         first: Row of the one at which a command takes effect after the least delay.
@@ -330,7 +330,7 @@ def command_stage(  # noqa: PLR0917
 
     Args:
         robot: The robot.
-        memory: What the motion observer knows.
+        memory: State of the motion observer.
         plan: The plan.
         stage: Index of the stage.
         factor: Of the planned twist.
