@@ -61,6 +61,23 @@ def test_study_is_computed_continued_and_shown(file, tmp_path, capsys):
     assert "runs: 4 finished" in capsys.readouterr().out
 
 
+def test_status_is_that_of_the_present_study_file(file, tmp_path, capsys):
+    """The outline in the store is used as long as the file has the same bytes."""
+    folder = tmp_path / "out"
+    study(file, "--out", folder, "--jobs", 1)
+    capsys.readouterr()
+    definition = folder / "study.yaml"
+    text = definition.read_text(encoding="utf-8")
+    for changed, fact in (
+        (text, "study short: 4 runs planned"),
+        (text.replace("repetitions: 2", "repetitions: 3"), "study short: 6 runs planned"),
+        (text.replace("name: short", "name: other"), "study other: 4 runs planned"),
+    ):
+        definition.write_text(changed, encoding="utf-8")
+        study("status", folder)
+        assert capsys.readouterr().out.splitlines()[0] == fact
+
+
 def test_plan_is_shown_and_nothing_computed(file, tmp_path, capsys):
     study(file, "--dry-run", "--set", "sample_time=0.2", "--set", "controllers=[pid, feedforward]")
     shown = capsys.readouterr().out.splitlines()

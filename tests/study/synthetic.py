@@ -15,6 +15,7 @@ import pyarrow as pa
 from omnidrive.study.jobs import Job
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_record import RunRecord
+from omnidrive.study.run_recording import relabelled
 from tests.study.small import small_scenario
 
 CONTROLLERS = ("pid", "fuzzy_t1", "fuzzy_t2")
@@ -54,7 +55,7 @@ def record(run):
         -1, run.key, -1, "", "", 0, {}, outcome, outcome == "finished", metrics,
         {"step_time_median": 3.0}, "" if outcome == "finished" else "at 3 s: it failed\nTraceback",
     )  # fmt: skip
-    return empty.relabelled(run)
+    return relabelled(empty, run)
 
 
 def table_bytes(table):

@@ -8,6 +8,7 @@ import pytest
 
 from omnidrive.errors import CannotWrite, InvalidStore
 from omnidrive.study import store_errors
+from omnidrive.study.run_recording import relabelled
 from omnidrive.study.store import FILE, Store
 from tests.study.synthetic import SyntheticPlan, record
 
@@ -177,7 +178,7 @@ def test_damaged_result_is_computed_again(whole, tmp_path):
         assert not store.results([key])
         assert store.status().loss.numbers == (9,)
         store.add([RECORDS[9]])
-        assert repr(store.results([key])[key].relabelled(PLAN[9])) == repr(RECORDS[9])
+        assert repr(relabelled(store.results([key])[key], PLAN[9])) == repr(RECORDS[9])
         assert not store.status().loss.runs
 
 

@@ -6,6 +6,7 @@ import sqlite3
 import pytest
 
 from omnidrive.errors import OmnidriveError
+from omnidrive.study import RunPlan
 from omnidrive.study.store import FILE, Store
 from omnidrive.study.stored_study import read_study
 from omnidrive.study.study_folder import DEFINITION_FILE, load_study, note_file
@@ -17,7 +18,7 @@ def whole(tmp_path_factory):
     """A study of 48 runs, and its rows by number."""
     folder = made(tmp_path_factory.mktemp("edited") / "a")
     with Store(folder) as store:
-        note_file(store, folder / DEFINITION_FILE)
+        note_file(store, folder / DEFINITION_FILE, RunPlan(load_study(folder)[0]))
         rows = store.records().to_pylist()
     return folder, {row["number"]: row for row in rows}
 
@@ -45,7 +46,7 @@ SQL = {
     "UPDATE results SET floats = x'' WHERE id = 2": LOST,
     "UPDATE results SET floats = zeroblob(70000000) WHERE id = 2": LOST,
     "UPDATE results SET detail = 'edited' WHERE id = 2": LOST,
-    "UPDATE results SET checksum = -checksum WHERE id = 2": LOST,
+    "UPDATE results SET checksum = -checksum WHERE id = 2": KEPT,
     "INSERT INTO runs SELECT 500, result, pairing, controller, task, duration, variant, repetition,"
     " factors, checksum FROM runs WHERE number = 1": KEPT,
     "DELETE FROM results": LOST,
@@ -71,7 +72,7 @@ SQL = {
     "PRAGMA writable_schema = ON; UPDATE sqlite_master SET sql = replace(sql, ' STRICT', '')":
         "has other columns",
     "PRAGMA user_version = 1": "was written by an older version of omnidrive",
-    "PRAGMA user_version = 3": "was written by a newer version of omnidrive",
+    "PRAGMA user_version = 4": "was written by a newer version of omnidrive",
     "PRAGMA application_id = 1": "is a database of another program",
     "PRAGMA journal_mode = DELETE": KEPT,
     "VACUUM": KEPT,

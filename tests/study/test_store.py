@@ -14,6 +14,7 @@ import pytest
 from omnidrive.errors import CannotWrite, InvalidStore
 from omnidrive.study import store as store_module
 from omnidrive.study import store_errors
+from omnidrive.study.run_recording import relabelled
 from omnidrive.study.store import FILE, Store
 from tests.study.synthetic import SyntheticPlan, record, table_bytes
 
@@ -112,7 +113,7 @@ def test_another_definition_finds_the_results_by_their_keys(tmp_path):
         keys = PLAN.keys(0, 3)
         found = store.results([*keys, "0" * 64])
         assert list(found) == keys
-        assert found[keys[2]].relabelled(PLAN[2]) == RECORDS[2]
+        assert relabelled(found[keys[2]], PLAN[2]) == RECORDS[2]
 
 
 def test_records_of_a_failed_transaction_are_not_stored(tmp_path):

@@ -17,6 +17,7 @@ from omnidrive.errors import InvalidInput, OmnidriveError
 from omnidrive.files.output_file import _COMPUTER
 from omnidrive.study import RunPlan, parse_definition, save_definition, save_scenario
 from omnidrive.study.run_record import RunRecord
+from omnidrive.study.run_recording import relabelled
 from omnidrive.study.setup_facts import setup_facts
 from omnidrive.study.store import Store
 from omnidrive.study.stored_study import (
@@ -62,7 +63,7 @@ def _record(run, better):
     empty = RunRecord(-1, run.key, -1, "", "", 0, {}, "finished", True,
                       {"me": error, "mae": 0.1 + own, "arrival": float("nan")},
                       {"step_time_median": 5.0 + own})  # fmt: skip
-    return empty.relabelled(run)
+    return relabelled(empty, run)
 
 
 @pytest.fixture(scope="module")

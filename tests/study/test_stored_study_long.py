@@ -11,6 +11,7 @@ import pytest
 from omnidrive.study import RunPlan, parse_definition, save_definition
 from omnidrive.study.run_record import RunRecord
 from omnidrive.study.store import Store
+from omnidrive.study.study_folder import DEFINITION_FILE, note_file
 from tests.study.test_stored_study import DEFINITION
 
 METRICS = (
@@ -37,6 +38,7 @@ def large_study(folder, runs, seed=1):
         store.begin("hash")
         for start in range(0, runs, 5000):
             store.add([_record(n, rng) for n in range(start, min(start + 5000, runs))])
+        note_file(store, folder / DEFINITION_FILE, RunPlan(definition))
 
 
 def _record(number, rng):

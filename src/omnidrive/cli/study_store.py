@@ -53,24 +53,21 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
     * `omnidrive study status runs/friction`
     """
     from omnidrive.cli.terminal import count_text, print_json, show, warn
-    from omnidrive.components.code import CodePermission
     from omnidrive.study.claims import at_work
-    from omnidrive.study.run_plan import RunPlan
     from omnidrive.study.store import Store
-    from omnidrive.study.study_folder import load_study, resume_command
+    from omnidrive.study.study_folder import resume_command, study_outline
 
-    definition, until = load_study(folder, allow_code=CodePermission.UNREAD)
-    planned = len(RunPlan(definition))
+    (name, planned, names_code), until = study_outline(folder)
     with Store(folder, read_only=True) as store:
         found, working = store.status(), at_work(store)
     if json:
-        facts = {"name": definition.name, "planned": planned, "until": until or None}
+        facts = {"name": name, "planned": planned, "until": until or None}
         print_json({
             **facts, **found._asdict(), "loss": found.loss._asdict(),
             "at_work": working._asdict(),
         })  # fmt: skip
         return
-    show(f"study {definition.name}: {planned:,} runs planned")
+    show(f"study {name}: {planned:,} runs planned")
     if until:
         show(f"repetitions are added until {until}")
     share = f" ({100.0 * found.runs / planned:.3g} %)" if found.runs <= planned else ""
@@ -81,7 +78,7 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
         warn(str(found.loss))
     show(f"at work: {working.runs:,} runs in {working.processes} processes")
     if found.runs < planned and not working.processes:
-        command = resume_command(folder, allow_code=definition.names_code)
+        command = resume_command(folder, allow_code=names_code)
         show(f"continue with: {command}")
 
 

@@ -38,12 +38,8 @@ from omnidrive.study.jobs import (
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.plants import plant_of
-from omnidrive.study.run_record import (
-    RunRecord,
-    finished_record,
-    step_values,
-    tracking_values,
-)
+from omnidrive.study.run_record import RunRecord
+from omnidrive.study.run_recording import finished_record, step_values, tracking_values
 
 _PLANTS = ("kinematic", "planar")
 _MOST_FLOATS = 1_000_000  # of the logs that are in memory at once

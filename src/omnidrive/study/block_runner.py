@@ -19,7 +19,8 @@ from omnidrive.study.definition import SeriesKept
 from omnidrive.study.jobs import Result, run_job
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.planned_scenario import PlannedScenario, plan_scenario
-from omnidrive.study.run_record import RunRecord, record_of, refused_record
+from omnidrive.study.run_record import RunRecord
+from omnidrive.study.run_recording import record_of, refused_record
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.variant import robot_in
 

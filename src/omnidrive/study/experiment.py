@@ -18,6 +18,7 @@ from omnidrive.study.claims import Claims
 from omnidrive.study.engine import Work, execute_blocks, must_be_in_process
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_record import RunRecord
+from omnidrive.study.run_recording import relabelled
 from omnidrive.study.store import KeyedPlan, Store
 from omnidrive.study.worker_pool import Lost
 
@@ -190,7 +191,7 @@ def lost_record(run: PlannedRun, lost: Lost) -> RunRecord:
     empty = RunRecord(
         run.number, run.key, 0, "", "", 0, {}, outcome.name.lower(), False, {}, {}, lost.value
     )
-    return empty.relabelled(run)
+    return relabelled(empty, run)
 
 
 @dataclass(slots=True)
@@ -255,7 +256,7 @@ class _UnstoredRuns:
         """Return those of claimed runs that must be computed; store the others, or later."""
         keys = {number: self._plan.keys(number, number + 1)[0] for number in numbers}
         known = self._store.results(dict.fromkeys(keys.values()))
-        copies = [known[key].relabelled(self._plan[n]) for n, key in keys.items() if key in known]
+        copies = [relabelled(known[key], self._plan[n]) for n, key in keys.items() if key in known]
         if copies:
             self._store.add(copies)
             self.added += len(copies)
@@ -271,7 +272,7 @@ class _UnstoredRuns:
     def add(self, records: Sequence[RunRecord]) -> None:
         """Store records, and those of the runs with the same keys."""
         copies = [
-            record.relabelled(self._plan[number])
+            relabelled(record, self._plan[number])
             for record in records
             for number in self._equal.pop(record.key, ())
         ]

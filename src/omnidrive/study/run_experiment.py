@@ -83,10 +83,8 @@ def run_experiment(
     if until is not None:
         planned = definition.with_repetitions(max(most_repetitions, definition.repetitions))
     plan = RunPlan(planned)
-    is_extended = _prepare_folder(definition, path)
-
-    extended = definition if is_extended else None
-    prepare = partial(_prepare_store, path / DEFINITION_FILE, extended, until)
+    file, is_extended = path / DEFINITION_FILE, _prepare_folder(definition, path)
+    prepare = partial(_prepare_store, file, RunPlan(definition), is_extended, until)
     runs, digest = NumberedRuns(planned, path / "series"), definition_hash(planned, plan)
     first = plan.per_repetition * definition.repetitions
     Experiment(plan, runs, path, digest, first, prepare).execute(
@@ -210,20 +208,21 @@ def _prepare_folder(definition: StudyDefinition, path: Path) -> bool:
 
 
 def _prepare_store(
-    file: Path, extended: StudyDefinition | None, until: StopRule | None, store: Store
+    file: Path, plan: RunPlan, is_extended: bool, until: StopRule | None, store: Store
 ) -> None:
     """Check that the study file is that of the stored runs; store the facts about it.
 
     Args:
         file: The study file.
-        extended: Definition that replaces it. None: it remains.
+        plan: Runs of the study.
+        is_extended: Whether their definition replaces that of the file.
         until: Stop rule of the study.
         store: The store.
     """
     check_unchanged(store, file)
-    if extended is not None:
-        save_definition(extended, file)
-    note_file(store, file)
+    if is_extended:
+        save_definition(plan.definition, file)
+    note_file(store, file, plan)
     if until is not None:
         store.note("until", _rule_text(until))
 

@@ -202,7 +202,7 @@ class Store:
             }
 
     def results(self, keys: Iterable[str]) -> dict[str, RunRecord]:
-        """Return the stored results with these keys, to be :meth:`RunRecord.relabelled`."""
+        """Return the stored results with these keys; see :func:`~.run_recording.relabelled`."""
         with self.errors():
             rows = {key: self._connection.execute(RESULT_OF_KEY, (key,)).fetchone() for key in keys}
             return {key: result_record(key, row) for key, row in rows.items() if row is not None}

@@ -1,7 +1,8 @@
 """Rows of the store of a study: their tables, their checksums, and what damage leaves of them.
 
-Every row has a checksum (CRC-32) of its values, and the row of a run also covers the key of its
-result. The facts about the study include the number of stored runs, so that lost rows are missed.
+Every row has a checksum (CRC-32) of its values; that of a run covers its result as well, so that
+readers compute one checksum per run. The facts about the study include the number of stored runs,
+so that lost rows are missed.
 """
 
 from __future__ import annotations
@@ -21,15 +22,14 @@ from omnidrive.study.run_record import RunRecord
 APPLICATION = 0x6F6D6E69
 """Application id of the file: "omni"."""
 
-VERSION = 2
-"""Version of the tables; those of version 1 have no checksums."""
+VERSION = 3
+"""Version of the tables; those of version 1 have no checksums, and those of 2 other ones."""
 
 _CHUNK = 10_000  # rows in memory as Python objects
 _MOST_READS = 5_000  # attempts to read what damaged pages leave
 _MOST_VAIN_READS = 500  # as long as none succeeds
 _NUMBERS = (-(2**63), 2**63 - 1)  # least and largest number of a row
 _MOST_NAMED = 10  # runs that a message names
-_FACT_ROW = "row_checksum(CAST(content AS BLOB))"
 
 SCHEMA = f"""
 CREATE TABLE results (
@@ -57,33 +57,31 @@ PRAGMA user_version = {VERSION}
 """
 
 _RESULT = ("key", "outcome", "finished", "names", "floats", "detail", "log")
-_RUN = ("number", "key", "pairing", "controller", "task", "duration", "variant", "repetition",
+_RUN = ("number", "pairing", "controller", "task", "duration", "variant", "repetition",
         "factors")  # fmt: skip
 
 
 def _checksum(values: Sequence[str]) -> str:
     """Return the SQL expression of the checksum of values, which are SQL expressions."""
-    text = " || '|' || ".join(values)
-    return f"row_checksum(coalesce(CAST({text} AS BLOB), x''))"
+    return f"row_checksum({', '.join(f'CAST({value} AS BLOB)' for value in values)})"
 
 
 def _parameters(count: int) -> list[str]:
     return [f"?{k}" for k in range(1, count + 1)]
 
 
-VALID_RESULT = f"results.checksum = {_checksum([f'results.{name}' for name in _RESULT])}"
-"""SQL condition that a row of ``results`` has its checksum."""
+_RESULT_COLUMNS = [f"results.{name}" for name in _RESULT]
 
-_VALID_RUN = "runs.checksum = " + _checksum(
-    [f"{'results' if name == 'key' else 'runs'}.{name}" for name in _RUN]
-)
+_VALID_RESULT = f"results.checksum = {_checksum(_RESULT_COLUMNS)}"
+
+_VALID_RUN = "runs.checksum = " + _checksum([*(f"runs.{name}" for name in _RUN), *_RESULT_COLUMNS])
 
 _DAMAGED = "SELECT number FROM runs LEFT JOIN results ON results.id = runs.result "
-_IS_DAMAGED = f"({VALID_RESULT} AND {_VALID_RUN}) IS NOT 1"
+_IS_DAMAGED = f"({_VALID_RUN}) IS NOT 1"
 
 _VALID_ROWS = (
     "FROM runs CROSS JOIN results ON results.id = runs.result WHERE number BETWEEN ? AND ? "
-    f"AND {VALID_RESULT} AND {_VALID_RUN}"
+    f"AND {_VALID_RUN}"
 )
 
 RESULT_OF_KEY = (
@@ -97,15 +95,15 @@ INSERT INTO results ({", ".join(_RESULT)}, checksum)
 VALUES ({", ".join(_parameters(len(_RESULT)))}, {_checksum(_parameters(len(_RESULT)))})
 ON CONFLICT (key) DO UPDATE SET
 {", ".join(f"{name} = excluded.{name}" for name in (*_RESULT, "checksum"))}
-WHERE NOT ({VALID_RESULT})
+WHERE NOT ({_VALID_RESULT})
 """
 """SQL statement that adds a result, of :func:`result_row`; a valid one is kept."""
 
 INSERT_RUN = f"""
-INSERT INTO runs (result, {", ".join(name for name in _RUN if name != "key")}, checksum)
-VALUES ((SELECT id FROM results WHERE key = ?2),
-{", ".join(f"?{k}" for k, name in enumerate(_RUN, 1) if name != "key")},
-{_checksum(_parameters(len(_RUN)))})
+INSERT INTO runs (result, {", ".join(_RUN)}, checksum)
+SELECT id, {", ".join(_parameters(len(_RUN)))},
+{_checksum([*_parameters(len(_RUN)), *_RESULT_COLUMNS])}
+FROM results WHERE key = ?{len(_RUN) + 1}
 """
 """SQL statement that adds a run, of :func:`run_row`, whose result is stored."""
 
@@ -133,7 +131,12 @@ class Loss(NamedTuple):
 
 def add_functions(connection: sqlite3.Connection) -> None:
     """Add the function of the checksums to a connection."""
-    connection.create_function("row_checksum", 1, crc32, deterministic=True)
+    connection.create_function("row_checksum", -1, _row_checksum, deterministic=True)
+
+
+def _row_checksum(*values: Any) -> int:
+    """Return the checksum of the values of a row as bytes; -1, which none is, if one is NULL."""
+    return -1 if None in values else crc32(b"|".join(values))
 
 
 def result_row(record: RunRecord, log: str | None) -> tuple[Any, ...]:
@@ -201,9 +204,9 @@ def _unpack_floats(floats: bytes, count: int) -> tuple[float, ...]:
 def run_row(record: RunRecord) -> tuple[Any, ...]:
     """Return the values of a run for :data:`INSERT_RUN`."""
     return (
-        record.number, record.key, record.pairing, record.controller, record.task,
+        record.number, record.pairing, record.controller, record.task,
         repr(float(record.duration)), record.variant, record.repetition,
-        json.dumps(record.factors),
+        json.dumps(record.factors), record.key,
     )  # fmt: skip
 
 
@@ -217,7 +220,8 @@ def read_facts(connection: sqlite3.Connection) -> dict[str, Any] | None:
     """Return the facts about the study, with the number of stored runs; None: they are damaged."""
     try:
         rows = connection.execute(
-            f"SELECT CAST(content AS BLOB) FROM facts WHERE id = 1 AND {_FACT_ROW} = checksum"
+            "SELECT CAST(content AS BLOB) FROM facts WHERE id = 1 "
+            f"AND checksum = {_checksum(['content'])}"
         ).fetchall()
         found = json.loads(rows[0][0]) if rows else None
     except sqlite3.DatabaseError as error:
@@ -230,7 +234,7 @@ def read_facts(connection: sqlite3.Connection) -> dict[str, Any] | None:
 def write_facts(connection: sqlite3.Connection, facts: dict[str, Any]) -> None:
     """Store the facts about the study, in a transaction."""
     connection.execute(
-        "INSERT OR REPLACE INTO facts VALUES (1, ?1, row_checksum(CAST(?1 AS BLOB)))",
+        f"INSERT OR REPLACE INTO facts VALUES (1, ?1, {_checksum(['?1'])})",
         (json.dumps(facts),),
     )
 
@@ -284,16 +288,15 @@ def copy_valid(source: sqlite3.Connection, target: sqlite3.Connection) -> tuple[
     Raises:
         sqlite3.Error: A database cannot be read or written at all.
     """
-    labels = [f"runs.{name}" for name in _RUN if name not in {"number", "key"}]
-    columns = ", ".join([f"results.{name}" for name in _RESULT] + labels)
+    columns = ", ".join([*_RESULT_COLUMNS, *(f"runs.{name}" for name in _RUN[1:])])
     split, runs = 1 + len(_RESULT), 0
     for rows in valid_rows(source, columns):
         target.executemany(INSERT_RESULT, (row[1:split] for row in rows))
-        target.executemany(INSERT_RUN, ((row[0], row[1], *row[split:]) for row in rows))
+        target.executemany(INSERT_RUN, ((row[0], *row[split:], row[1]) for row in rows))
         runs += len(rows)
     query = (
         f"SELECT id, {', '.join(_RESULT)} FROM results WHERE id BETWEEN ? AND ? "
-        f"AND {VALID_RESULT} ORDER BY id"
+        f"AND {_VALID_RESULT} ORDER BY id"
     )
     for rows in _rows(source, query):
         target.executemany(INSERT_RESULT, (row[1:] for row in rows))

@@ -28,7 +28,7 @@ from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.results_data import component_origins
 from omnidrive.study.run_key import VERSIONS
 from omnidrive.study.run_plan import RunPlan
-from omnidrive.study.run_record import record_of
+from omnidrive.study.run_recording import record_of
 from omnidrive.study.scenario_file import scenario_data
 from omnidrive.study.store import Store
 from omnidrive.study.study_folder import SCENARIO_FILE, note_file
@@ -96,7 +96,7 @@ class StoredRuns:
         Raises:
             CannotWrite: It cannot be stored.
         """
-        note_file(self._store, self._folder.path / SCENARIO_FILE)
+        note_file(self._store, self._folder.path / SCENARIO_FILE, self._plan)
 
     def add(self, job: Job, result: Result) -> None:
         """Store a finished run: first its log, then its record.

@@ -6,16 +6,18 @@ import json
 import shlex
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from omnidrive.components.code import CodePermission
 from omnidrive.errors import InvalidStore, one_line
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
-from omnidrive.study.definition import StudyDefinition
-from omnidrive.study.definition_file import load_definition
 from omnidrive.study.output_paths import STORE_FILE
-from omnidrive.study.scenario_file import load_scenario
 from omnidrive.study.store import Store
+
+if TYPE_CHECKING:
+    from omnidrive.study.definition import StudyDefinition
+    from omnidrive.study.run_plan import RunPlan
 
 DEFINITION_FILE = "study.yaml"
 """Name of the definition in the folder of a study."""
@@ -28,6 +30,18 @@ DESCRIPTIONS = ("name", "question", "repetitions", "series")
 """Keys of a definition that change none of its runs."""
 
 _FILE_FACT = "file"  # fact about the study: hash of the file that defines it
+_OUTLINE_FACT = "outline"  # fact about the study: JSON of its outline, with the hash of that text
+
+
+class StudyOutline(NamedTuple):
+    """What the status of a study states beside its stored runs."""
+
+    name: str
+    """Name of the study."""
+    planned: int
+    """Number of its runs."""
+    names_code: bool
+    """Whether it names code."""
 
 
 def resume_command(folder: StrPath, *, allow_code: bool) -> str:
@@ -55,6 +69,10 @@ def load_study(
             was changed after its runs were computed.
         InvalidInput: The definition, or the scenario of a study of one scenario, is invalid.
     """
+    from omnidrive.study.definition import StudyDefinition  # noqa: PLC0415 - takes two seconds
+    from omnidrive.study.definition_file import load_definition  # noqa: PLC0415
+    from omnidrive.study.scenario_file import load_scenario  # noqa: PLC0415
+
     path = to_path(folder)
     if (path / SCENARIO_FILE).is_file():
         scenario = load_scenario(path / SCENARIO_FILE, allow_code=allow_code)
@@ -72,14 +90,50 @@ def load_study(
         return definition, store.fact("until") or ""
 
 
-def note_file(store: Store, file: Path) -> None:
-    """Store the hash of the file that defines a study; descriptions and comments do not count.
+def study_outline(folder: StrPath) -> tuple[StudyOutline, str]:
+    """Return the outline of a study and its stop rule as text, or "".
+
+    The store holds the outline of the file that the study had when it was begun or continued; if
+    that is another one, it is computed, which takes seconds.
+
+    Raises:
+        InvalidStore, InvalidInput: As :func:`load_study`, whose permission is not needed.
+    """
+    path = to_path(folder)
+    file = path / (SCENARIO_FILE if (path / SCENARIO_FILE).is_file() else DEFINITION_FILE)
+    if file.is_file() and (path / STORE_FILE).is_file():
+        with Store(path, read_only=True) as store:
+            stored = json.loads(store.fact(_OUTLINE_FACT) or "[]")
+            if stored and stored.pop() == sha256(file.read_bytes()).hexdigest():
+                return StudyOutline(*stored), store.fact("until") or ""
+    from omnidrive.study.run_plan import RunPlan  # noqa: PLC0415
+
+    definition, until = load_study(path, allow_code=CodePermission.UNREAD)
+    return _outline(RunPlan(definition)), until
+
+
+def _outline(plan: RunPlan) -> StudyOutline:
+    definition = plan.definition
+    return StudyOutline(definition.name, len(plan), definition.names_code)
+
+
+def note_file(store: Store, file: Path, plan: RunPlan) -> None:
+    """Store the hash of the file that defines a study, and the outline of the study.
+
+    Descriptions and comments do not count in the hash.
+
+    Args:
+        store: The store.
+        file: The file.
+        plan: Its runs.
 
     Raises:
         InvalidStore: The file cannot be read.
-        CannotWrite: The hash cannot be stored.
+        CannotWrite: The facts cannot be stored.
     """
     store.note(_FILE_FACT, _file_hash(file))
+    content = sha256(file.read_bytes()).hexdigest()
+    store.note(_OUTLINE_FACT, json.dumps([*_outline(plan), content]))
 
 
 def check_unchanged(store: Store, file: Path) -> None:

@@ -18,6 +18,7 @@ from omnidrive.study.engine import (
     start_worker,
 )
 from omnidrive.study.experiment import lost_record
+from omnidrive.study.run_recording import relabelled
 from omnidrive.study.store import Store
 from omnidrive.study.worker_pool import WorkerPool
 
@@ -101,7 +102,7 @@ class RunEvaluator:
             store.add(records)
             known |= {record.key: record for record in records}
             report(len(records))
-        found = [known[run.key].relabelled(run) for run in runs]
+        found = [relabelled(known[run.key], run) for run in runs]
         new = store.numbers(min(r.number for r in runs), max(r.number for r in runs) + 1)
         store.add([record for record in found if record.number not in new])
         return found
