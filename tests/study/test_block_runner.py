@@ -10,7 +10,7 @@ from omnidrive.control.supervision import WheelMonitor
 from omnidrive.evaluation import measure
 from omnidrive.evaluation.metrics import commanded_wheel_speeds
 from omnidrive.evaluation.path_error import _Path, path_errors, path_errors_of
-from omnidrive.robot import named_robot
+from omnidrive.robot import ROBOTS, named_robot, save_robot
 from omnidrive.study import RunPlan, parse_definition, run_block
 from omnidrive.study import block_runner as runner
 from omnidrive.study.batched_runs import batched_records
@@ -36,7 +36,7 @@ def plan_of(tasks=TASKS, repetitions=1, scenario="recommended", axes=None, **set
 
 
 def batched(runs):
-    return dict(batched_records(runs, lambda run: runner._plans.planned(run.scenario)))
+    return dict(batched_records(runs, runner._plans.planned))
 
 
 def alone(run):
@@ -179,6 +179,22 @@ def test_recovery_is_that_from_the_run_without_the_fault():
     runner._undisturbed._values.clear()
     (again,) = run_block([plan[1]])
     assert_equal(again, jump)
+
+
+def test_files_may_be_edited_between_runs_of_one_process(tmp_path):
+    """Robot and path count by their content, also where a study is executed again."""
+    robot, path = tmp_path / "robot.yaml", tmp_path / "path.csv"
+    reference = {"type": "waypoints", "file": str(path)}
+    errors = []
+    for mass, x in ((10.0, 1.0), (20.0, 1.0), (20.0, 2.0)):
+        save_robot(replace(ROBOTS["paper"], mass=mass), robot)
+        path.write_text(f"x,y\n1,1\n{x},2\n3,3\n", encoding="utf-8")
+        plan = plan_of(
+            {"track": {"durations": [8]}}, plant="planar", controllers=["pid"],
+            reference=reference, robot={"name": str(robot)},
+        )  # fmt: skip
+        errors.append(run_block(plan[:])[0].metrics["me"])
+    assert len(set(errors)) == 3
 
 
 def test_logs_are_given_as_the_study_asks():

@@ -1,6 +1,7 @@
 """Plans of studies: numbers, keys, pairs, samples and seeds."""
 
 import tracemalloc
+from dataclasses import replace
 from time import process_time
 
 import numpy as np
@@ -14,8 +15,8 @@ from tests.study.small import noise_scenario, small_scenario
 HEAD = {"format": "omnidrive-study-1", "name": "test", "scenario": "paper"}
 
 
-def plan_of(**keys):
-    return RunPlan(parse_definition({**HEAD, **keys}, "study.yaml"))
+def plan_of(*, allow_code=False, **keys):
+    return RunPlan(parse_definition({**HEAD, **keys}, "study.yaml", allow_code=allow_code))
 
 
 def test_plan_of_a_scenario_has_its_runs_in_their_order():
@@ -117,6 +118,45 @@ def test_key_depends_on_the_content_of_files(tmp_path):
         plan = plan_of(set={"map.source": str(tmp_path / f"{name}.yaml"), "goal": [8, 6]})
         keys.append(plan.keys(0, 1)[0])
     assert keys[0] == keys[1] != keys[2]
+
+
+def test_changed_files_of_the_same_name_change_keys(tmp_path):
+    """Code, robot, map and waypoints may be edited between two studies of one process."""
+    from omnidrive.maps import OccupancyGrid, save_nav2_map
+    from omnidrive.robot import ROBOTS, save_robot
+
+    law, robot, grid, path = (tmp_path / name for name in ("law.py", "r.yaml", "m.yaml", "p.csv"))
+    code = (
+        "import omnidrive as od\n"
+        "class Law:\n"
+        "    def reset(self, *_): pass\n"
+        "    def step(self, state, horizon): return od.Command(od.BodyTwist(0.0, 0.0, GAIN))\n"
+        "def law(): return Law()\n"
+    )
+
+    def written(round_):
+        law.write_text(code.replace("GAIN", f"{round_}.0"), encoding="utf-8")
+        heavier = replace(ROBOTS["paper"], mass=10.0 + round_)
+        save_robot(heavier, robot)
+        occupied = np.zeros((20, 20), dtype=bool)
+        occupied[0, round_] = True
+        save_nav2_map(OccupancyGrid(occupied, 0.5), grid)
+        path.write_text(f"x,y\n1,1\n{5 + round_},5\n8,6\n", encoding="utf-8")
+
+    changes = (
+        {"controllers": {"own": {"type": f"{law}:law"}}},
+        {"robot": str(robot)},
+        {"map.source": str(grid)},
+        {"reference": {"type": "waypoints", "file": str(path)}},
+    )
+    keys = []
+    for round_ in range(2):
+        written(round_)
+        keys.append(
+            [plan_of(set={**c, "goal": [8, 6]}, allow_code=True).keys(0, 1) for c in changes]
+        )
+    same = [change for change, *pair in zip(changes, *keys, strict=True) if pair[0] == pair[1]]
+    assert not same
 
 
 def test_conditions_leave_runs_out():

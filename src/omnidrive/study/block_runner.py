@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
-from json import dumps
 from typing import Any, TypeVar, get_args
 
 from omnidrive.components.fields import plain
@@ -21,11 +20,8 @@ from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.planned_scenario import PlannedScenario, plan_scenario
 from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import record_of, refused_record
-from omnidrive.study.scenario import Scenario
 from omnidrive.study.variant import robot_in
 
-_PLANNED_BY = ("reference", "map", "start", "goal", "path", "timing", "robot")
-"""Sections of a scenario on which its motion depends."""
 _KEPT_PLANS, _KEPT_RUNS = 32, 32
 
 Save = Callable[[PlannedRun, Run], None]
@@ -54,7 +50,7 @@ def run_block(
     kept = series if save is not None else "none"
     records: dict[int, RunRecord] = {}
     if kept != "all":  # logs of compiled loops have no computing times
-        records |= batched_records(runs, lambda run: _plans.planned(run.scenario))
+        records |= batched_records(runs, _plans.planned)
     for index, run in enumerate(runs):
         if index in records:
             continue
@@ -70,7 +66,7 @@ def _record(run: PlannedRun) -> tuple[RunRecord, Run | None]:
     if run.refused:
         return refused_record(run, run.refused), None
     try:
-        planned = _plans.planned(run.scenario)
+        planned = _plans.planned(run)
         result = run_job(planned, run.job)
         return record_of(run, result, _recovery(planned, result, run)), result.run
     except OmnidriveError as error:
@@ -81,12 +77,11 @@ def _recovery(planned: PlannedScenario, result: Result, run: PlannedRun) -> Reco
     """Return the recovery from a fault, compared with the run without it."""
     if not isinstance(result, FaultResult):
         return None
-    job = run.job._replace(fault=0)
-    place = dumps([plain(run.scenario), job])
     if result.fault is None:
-        _undisturbed.put(place, result.run)
+        _undisturbed.put(run.key, result.run)
         return None
-    nominal = _undisturbed.get(place, lambda: run_job(planned, job).run)
+    job = run.job._replace(fault=0)
+    nominal = _undisturbed.get(run.nominal, lambda: run_job(planned, job).run)
     return recovery(result.run, nominal, result.fault.at)
 
 
@@ -113,28 +108,21 @@ class _Kept:
 
 
 class _Plans:
-    """Planned scenarios; those with equal maps, robots and motions are planned once."""
+    """Planned scenarios; the motion of runs with equal maps, robots and references is one."""
 
     def __init__(self) -> None:
-        self._by_content, self._by_identity = _Kept(_KEPT_PLANS), _Kept(_KEPT_PLANS)
+        self._motions, self._robots = _Kept(_KEPT_PLANS), _Kept(_KEPT_PLANS)
 
-    def planned(self, scenario: Scenario) -> PlannedScenario:
-        """Return the planned scenario.
+    def planned(self, run: PlannedRun) -> PlannedScenario:
+        """Return the planned scenario of a run.
 
         Raises:
             OmnidriveError: See :func:`plan_scenario`.
         """
-        sections = [*(getattr(scenario, name) for name in _PLANNED_BY), scenario.true_robot]
-        identity = tuple(map(id, sections))  # of objects that the kept value holds
-
-        def found() -> tuple[list[Any], PlannedScenario]:
-            """Return the sections of the plan, and the plan for them."""
-            *planned_by, true_robot = map(plain, sections)
-            planned = self._by_content.get(dumps(planned_by), lambda: plan_scenario(scenario))
-            return sections, replace(planned, plant_robot=robot_in(true_robot))
-
-        _, planned = self._by_identity.get(identity, found)
-        return replace(planned, scenario=scenario)
+        scenario, (motion, robot) = run.scenario, run.plan_keys
+        planned = self._motions.get(motion, lambda: plan_scenario(scenario))
+        true = self._robots.get(robot, lambda: robot_in(plain(scenario.true_robot)))
+        return replace(planned, plant_robot=true, scenario=scenario)
 
 
 _plans, _undisturbed = _Plans(), _Kept(_KEPT_RUNS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from omnidrive.study.jobs import Job
+from omnidrive.study.run_key import PlanKeys
 from omnidrive.study.scenario import Scenario
 
 
@@ -27,3 +28,7 @@ class PlannedRun(NamedTuple):
     """Index of the repetition, from 0."""
     refused: str = ""
     """Why its values are not possible together; empty: they are. The scenario is then the base."""
+    plan_keys: PlanKeys = PlanKeys()
+    """Keys of its motion and of its simulated robot: runs with equal ones share them."""
+    nominal: str = ""
+    """In the task `faults`: the key of the run without a fault."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import cache, lru_cache
+from functools import lru_cache
 from hashlib import sha256
 from importlib.metadata import version
 from json import dumps, loads
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,18 @@ _LEFT_OUT = ("format", "name", "tasks", "controllers", "seed", "plant_robot")
 _MAX_BYTES = 10_000_000  # of a waypoint file
 
 
+_PLANNED_BY = ("reference", "map", "start", "goal", "path", "timing", "robot")
+
+
+class PlanKeys(NamedTuple):
+    """Keys of what runs share: hashes of settings and of the content of files."""
+
+    motion: str = ""
+    """Of the planned motion."""
+    plant_robot: str = ""
+    """Of the simulated robot."""
+
+
 class KeyMaker:
     """Maker of the keys of the runs of one study.
 
@@ -41,6 +53,7 @@ class KeyMaker:
 
     def __init__(self) -> None:
         self._texts: dict[str, tuple[Any, str]] = {}
+        self._read_text = lru_cache(maxsize=256)(_section_text)
         self._versions = dumps({name: version(name) for name in VERSIONS})
 
     def scenario_text(self, data: Mapping[str, Any]) -> str:
@@ -51,6 +64,12 @@ class KeyMaker:
                 parts.append(self._text(name, data[name]))
         true = data["plant_robot"] or data["robot"]
         return "\n".join([*parts, self._text("plant_robot", true), str(data["seed"])])
+
+    def plan_keys(self, data: Mapping[str, Any]) -> PlanKeys:
+        """Return the keys of the motion and of the simulated robot of a scenario."""
+        motion = "\n".join(self._text(name, data[name]) for name in _PLANNED_BY)
+        robot = self._text("plant_robot", data["plant_robot"] or data["robot"])
+        return PlanKeys(*(sha256(text.encode()).hexdigest() for text in (motion, robot)))
 
     def key(
         self, scenario_text: str, controller: Mapping[str, Any], job: Job, parts: Mapping[str, Any]
@@ -71,16 +90,18 @@ class KeyMaker:
         """Return the text of a section; that of the same object is kept."""
         found = self._texts.get(name)
         if found is None or found[0] is not value:
-            found = self._texts[name] = value, f"{name}: {_section_text(name, value)}"
+            text = self._read_text(name.partition(".")[0], dumps(value))
+            found = self._texts[name] = value, f"{name}: {text}"
         return found[1]
 
 
-def _section_text(name: str, value: Any) -> str:
-    head = name.partition(".")[0]
+def _section_text(head: str, data: str) -> str:
+    """Return the text of a section from its data as JSON; files and code are read."""
+    value = loads(data)
     if head in {"robot", "plant_robot"}:
-        return _robot_text(dumps(value))
+        return _robot_text(value)
     if head == "map":
-        return _map_text(dumps(value))
+        return _map_text(value)
     text = _canonical(value)
     component = value and value["estimator"] if head == "sensors" else value
     if head in CODE_SECTIONS and isinstance(component, dict):
@@ -94,19 +115,15 @@ def _canonical(value: Any) -> str:
     return dumps(value, sort_keys=True, separators=(",", ":"))
 
 
-@lru_cache(maxsize=256)
-def _robot_text(text: str) -> str:
+def _robot_text(section: dict[str, Any]) -> str:
     """Return the text of a robot, whatever its name or file."""
-    section = loads(text)
     content = plain(robot_in(section))
     content.pop("name")
     return _canonical([content, section["roller_phase"]])
 
 
-@lru_cache(maxsize=64)
-def _map_text(text: str) -> str:
+def _map_text(section: dict[str, Any]) -> str:
     """Return the text of a map with the digest of its cells."""
-    section = loads(text)
     source = section.pop("source")
     if source == "none":
         return _canonical([source, section])
@@ -122,7 +139,6 @@ def _map_text(text: str) -> str:
     return _canonical([place, source if source == "paper" else "", section])
 
 
-@lru_cache(maxsize=64)
 def _file_digest(file: str) -> str:
     content = read_bounded(
         Path(file), _MAX_BYTES, "waypoint", InvalidReference, excess="is too large"
@@ -133,14 +149,9 @@ def _file_digest(file: str) -> str:
 def _origin(group: Group, name: str) -> str:
     """Return distribution and version of a component, or the hash of its code, as a text."""
     try:
-        return f" {_known_origin(group, name)}"
+        return f" {find_component(group, name, allow_code=False).origin}"
     except OmnidriveError:  # a Python object of a session, or code that was not imported
         return f" {name}"
-
-
-@cache
-def _known_origin(group: Group, name: str) -> str:
-    return find_component(group, name, allow_code=False).origin
 
 
 def plan_digest(keys: Iterable[str]) -> str:

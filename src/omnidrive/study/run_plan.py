@@ -19,7 +19,7 @@ from omnidrive.study.definition import Condition, StudyDefinition
 from omnidrive.study.jobs import Job, faults_of, horizon_of, jobs_of
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.random_factors import repetition_seed
-from omnidrive.study.run_key import KeyMaker
+from omnidrive.study.run_key import KeyMaker, PlanKeys
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_file import listed, problems_of
 from omnidrive.study.scenario_path import Keys, Setting
@@ -51,6 +51,7 @@ class _Variant(NamedTuple):
     factors: dict[str, Label]
     text: str
     """Text of the scenario in the keys of its runs."""
+    plan_keys: PlanKeys
 
 
 class RunPlan(Sequence[PlannedRun]):
@@ -131,7 +132,7 @@ class RunPlan(Sequence[PlannedRun]):
             job = job._replace(horizon=horizon_of(scenario, job.controller))
         return PlannedRun(
             number, self._key(*place), pairing, dict(variant.factors), scenario, job, repetition,
-            refused,
+            refused, variant.plan_keys, self._nominal(variant, group, index),
         )  # fmt: skip
 
     def _place(self, number: int) -> tuple[int, int, int, int]:
@@ -147,6 +148,14 @@ class RunPlan(Sequence[PlannedRun]):
         job = jobs.jobs[index]
         controller = variant.data["controllers"][job.controller]
         return self._keys.key(variant.text, controller, job, jobs.parts[index])
+
+    def _nominal(self, variant: _Variant, group: int, index: int) -> str:
+        """Return the key of the run without the fault of a run; "" in other tasks."""
+        job = self._groups[group].jobs[index]
+        if job.task != "faults":
+            return ""
+        controller = variant.data["controllers"][job.controller]
+        return self._keys.key(variant.text, controller, job._replace(fault=0), {"fault": None})
 
     def _indices(self, group: int, values: int) -> list[int]:
         """Return the index of the value of each axis."""
@@ -185,7 +194,8 @@ class RunPlan(Sequence[PlannedRun]):
         if repetition:
             data = {**data, "seed": repetition_seed(data["seed"], repetition)}
             changed = list(dict.fromkeys([*changed, "seed"]))
-        return _Variant(data, changed, factors, self._keys.scenario_text(data))
+        keys = self._keys
+        return _Variant(data, changed, factors, keys.scenario_text(data), keys.plan_keys(data))
 
     def _scenario(self, repetition: int, group: int, values: int) -> tuple[Scenario, str]:
         """Return the scenario of a variant, or the base and why it is refused."""

@@ -94,7 +94,9 @@ def completed(controller: dict[str, Any], preset: str) -> dict[str, Any]:
     Those without a value in use are None, or the names of their groups with None in them.
     """
     try:
-        return dict(_completed(dumps(controller), preset))
+        name = controller["type"]
+        code = find_component("controllers", name, allow_code=False).origin if is_code(name) else ""
+        return dict(_completed(dumps(controller), preset, code))
     except (InvalidInput, ValidationError):  # see below
         return dict(controller)
 
@@ -134,8 +136,8 @@ def allow_named(path: str, value: Any) -> None:
 
 
 @lru_cache(maxsize=256)
-def _completed(text: str, preset: str) -> dict[str, Any]:
-    """Return the completed data.
+def _completed(text: str, preset: str, code: str) -> dict[str, Any]:
+    """Return the completed data of a controller, whose code is that of an origin.
 
     Raises:
         InvalidInput: It is an object of a session or code that was not imported, or has a parameter

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
-from json import dumps, loads
 from typing import Any
 
 from omnidrive.components.code import CodePermission
@@ -113,9 +111,4 @@ def robot_in(section: dict[str, Any]) -> Robot:
     Raises:
         InvalidInput: See :func:`robot_of`.
     """
-    return _robot(dumps(section))
-
-
-@lru_cache(maxsize=64)
-def _robot(text: str) -> Robot:
-    return robot_of(RobotSection(**loads(text)))
+    return robot_of(RobotSection(**section))
