@@ -295,7 +295,7 @@ def test_plans_goals_and_replanned_paths_are_driven(world):
             np.allclose(robot.state.pose[:2], (-0.3, -0.2), atol=0.15)
             and abs(wrap(robot.state.pose.yaw - 0.5)) < 0.15
         ),
-        2.0,
+        5.0,
     ), robot.state.pose
 
 
