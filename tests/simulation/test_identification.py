@@ -21,6 +21,7 @@ from omnidrive.simulation.identification import (
     read_log,
     simulated_log,
 )
+from omnidrive.simulation.identification.identify_robot import _Data
 from omnidrive.simulation.identification.response import response
 from omnidrive.simulation.planar.model import servo_lags
 
@@ -139,6 +140,18 @@ def test_gentle_motion_does_not_determine_the_friction():
     assert found.robot.friction == SMALL.friction
 
 
+def test_errors_that_slip_does_not_explain_determine_no_friction():
+    """Of exact poses of gentle motion, the largest errors are those of the model."""
+    log = drive(SMALL, duration=40.0, dt=0.02, noise=(1e-6, 1e-6, 1e-4))
+    gentle = log.t < 29.0
+    rows = (log.t, log.commands, log.poses, log.wheel_speeds)
+    data = _Data(RobotLog(*(each[gentle] for each in rows)), SMALL)
+    data.geometry()
+    times = data.response()
+    data.slipping[:] = np.arange(data.count) % 2 == 0
+    assert data.friction(*times).reason.startswith("the wheels do not slip: friction is at least")
+
+
 def test_a_short_log_determines_nothing():
     log = drive(SMALL, duration=5.0)
     found = identify_robot(log, SMALL)
@@ -183,7 +196,8 @@ HEAD = "t,command_vx,command_vy,command_yaw_rate,x,y,yaw,wheel_speed_0\n"
     [
         ("a.txt", b"", "the suffix of a log is .csv or .parquet"),
         ("none.csv", None, "cannot read the log"),
-        ("a.csv", b"", "there is no column 't'"),
+        ("a.csv", b"", "there are no columns 't', 'command_vx'"),
+        ("a.csv", b"stamp,x,y,yaw,vx\n", "no columns 't', 'command_vx', .*contents: stamp, x, y"),
         ("a.csv", HEAD.replace("yaw,wheel", "yow,wheel").encode(), "no column 'yaw'; did you mean"),
         ("a.csv", HEAD.replace("speed_0", "speed_1").encode(), "must be numbered from 0, got 1"),
         ("a.csv", HEAD.encode() + b"0,0,0,0,0,0,0,0\n", "has 1 samples, need at least 2"),
@@ -198,7 +212,7 @@ HEAD = "t,command_vx,command_vy,command_yaw_rate,x,y,yaw,wheel_speed_0\n"
         ),
         ("a.csv", HEAD.encode() + b"0,0,0,0,0,0,0,0\n9999,0,0,0,0,0,0,0\n", "at most 3600 s"),
         ("a.parquet", b"PAR1 nonsense", "is not a log: "),
-        ("a.csv", b"\xff\xfe", "there is no column 't'"),
+        ("a.csv", b"\xff\xfe", "there are no columns 't'"),
     ],
 )
 def test_bad_logs_are_refused_with_one_sentence(tmp_path, name, content, message):

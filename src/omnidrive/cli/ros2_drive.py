@@ -199,7 +199,8 @@ def _drive(
     from omnidrive.deploy.ros2 import Node
     from omnidrive.deploy.ros2.drive_reports import DriveReports
     from omnidrive.deploy.ros2.follow_path import FollowPathServer
-    from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower, PlanFollower
+    from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
+    from omnidrive.deploy.ros2.plan_follower import PlanFollower
 
     made = settings.make_robot()
     with Node(name, **options) as node, announce_compiling():

@@ -44,6 +44,7 @@ class DriveControls:
         stop_reason: Reason of the request to stop; None: there is none.
         hold_reason: Reason of the request to hold; None: there is none.
         arm_requested: Whether the robot is to be armed.
+        held: Reason for which the robot is held, set by the loop; None: it is not held.
         interrupted: Number of the first signal that stopped the drive; 0: none.
         starts: Whether the controller has not driven yet.
         tracked: What the drive tracks; set by the loop. None: the controller does not drive.
@@ -60,6 +61,7 @@ class DriveControls:
         self.stop_reason: str | None = None
         self.hold_reason: str | None = None
         self.arm_requested = arm
+        self.held: str | None = None
         self.interrupted = 0
         self.starts = True
         self.tracked: Tracked | None = None

@@ -382,6 +382,8 @@ class DriveLoop:
 
     def _change(self, number: int, state: DriveState, reason: str) -> None:
         self.machine.change(number * self.dt, state, reason)
+        if state is not DriveState.STOPPED:
+            self.controls.held = reason if state is DriveState.HOLDING else None
         if self.sink is not None:
             self.sink.add(self.machine.changes[-1])
 

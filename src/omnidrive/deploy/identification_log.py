@@ -59,13 +59,17 @@ def identification_log(logged: LoggedDrive) -> RobotLog:
         if best is None or len(stretch.samples) > len(best.samples):
             best = stretch
     if best is None or len(best.samples) < 3:
-        rates = ""
-        if intervals:
-            fixes_rate, rate = 1.0 / float(np.median(intervals)), 1.0 / logged.dt
-            rates = f" (there are {fixes_rate:.3g} pose fixes and {rate:.3g} samples a second)"
+        if not intervals:
+            raise InvalidLog(
+                "the log has fewer than two pose fixes in succession: the identification needs "
+                "poses measured from outside, such as by motion capture; give commands, wheel "
+                "speeds and these as a table (.csv)"
+            )
+        fixes_rate, rate = 1.0 / float(np.median(intervals)), 1.0 / logged.dt
         raise InvalidLog(
-            f"the log has no samples with commands and measured poses one after another{rates}: "
-            "drive at the rate of the pose fixes, or a lower one (--rate)"
+            "the log has no samples with commands and measured poses one after another (there are "
+            f"{fixes_rate:.3g} pose fixes and {rate:.3g} samples a second): drive at the rate of "
+            "the pose fixes, or a lower one (--rate)"
         )
     return _robot_log(best, logged.robot, logged.dt)
 

@@ -17,6 +17,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from omnidrive.control import FeedforwardController
+from omnidrive.control.controller import STOP
 from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.links.ros2 import Ros2Link
 from omnidrive.deploy.robot_link import LinkLost
@@ -37,7 +38,7 @@ from omnidrive.deploy.ros2.path_reference import UnknownFrame
 from omnidrive.deploy.ros2.planar_messages import set_pose
 from omnidrive.deploy.ros2.service import ACTIVE, UNCONFIGURED, Lifecycle
 from omnidrive.errors import InvalidMessage, InvalidReference
-from omnidrive.geometry import Pose
+from omnidrive.geometry import BodyTwist, Pose
 from tests.deploy.ros2.peer_process import new_domain
 from tests.deploy.ros2.peer_types import from_peer, to_peer, typestore
 from tests.deploy.ros2.robot_process import ROBOT, running_robot
@@ -222,7 +223,9 @@ class WatchedServer(FollowPathServer):
 
     def __init__(self, continues, present, following):
         self._follower = SimpleNamespace(
-            continuation=SimpleNamespace(poll=lambda _controls: continues)
+            continuation=SimpleNamespace(poll=lambda _controls: continues),
+            link=SimpleNamespace(sent=STOP),
+            held_sentence=lambda reason: f"the robot is held: {reason}",
         )
         self._lock, self._goals, self._done = threading.RLock(), {}, 0
         self._present, self._following = present, following
@@ -254,6 +257,60 @@ def test_a_goal_may_be_canceled_while_its_motion_is_computed(continues, status, 
     assert present.status == former
     assert following.status == (EXECUTING if (continues, stopped) == (True, None) else status)
     assert server._present is (following if continues else present)
+
+
+@pytest.mark.parametrize(
+    ("sent", "stopped"), [(BodyTwist(0.1, 0.0, 0.0), None), (STOP, "the robot is held: a jump")]
+)
+def test_goals_are_aborted_when_the_robot_is_held(sent, stopped):
+    """The drive ends after the ramp; a goal that a behaviour tree sends again arms nothing."""
+    present = Goal(b"1" * 16, b"", 0.0, np.zeros((1, 3)), EXECUTING)
+    waiting = Goal(b"2" * 16, b"", 0.0, np.ones((1, 3)), ACCEPTED)
+    server, controls = WatchedServer(None, present, None), DriveControls()
+    server._goals = {each.identity: each for each in (present, waiting)}
+    server._follower.link.sent, controls.held = sent, "a jump"
+    server._watch(controls)
+    for goal in (present, waiting):
+        assert (goal.status, goal.error_code) == (ABORTED, 102)
+        assert goal.message == "the robot is held: a jump"
+    assert controls.stop_reason == stopped
+    assert not controls.arm_requested
+    controls.held = None  # armed during the ramp: the motion of an aborted goal does not go on
+    server._watch(controls)
+    assert controls.stop_reason == (stopped or "the goal was canceled")
+
+
+@pytest.mark.long
+def test_a_held_robot_rests_until_it_is_armed_although_goals_come_every_second():
+    """Poses are missing for a second, while a behaviour tree plans again and again."""
+    with serving() as (robot, server, nav):
+        arm = nav.node.publisher("/controller_server/arm", "std_msgs/msg/Bool")
+        path = [(0.05 * i, 0.0) for i in range(61)]
+        nav.activate()
+        assert nav.node.wait_for(lambda: arm.matched, 10.0)
+        assert nav.goal(1, path)
+        assert nav.node.wait_for(lambda: robot.state.pose.x > 0.2, 10.0)
+        publish, robot._publish = robot._publish, lambda: None
+        response = nav.result.call(goal_id=uuid(1), wait=5.0)
+        robot._publish = publish
+        assert (response.status, response.result.error_code) == (ABORTED, 102)
+        reason = response.result.error_msg
+        assert reason.startswith("the robot is held: no readings for 0.5")
+        assert reason.endswith("it moves again after true on /controller_server/arm")
+        time.sleep(1.0)
+        rest = robot.state.pose
+        for number in (2, 3):  # poses are back
+            assert nav.goal(number, path)
+            response = nav.result.call(goal_id=uuid(number), wait=5.0)
+            assert (response.status, response.result.error_msg) == (ABORTED, reason)
+            time.sleep(0.5)
+        assert robot.state.pose == pytest.approx(rest, abs=1e-3)
+        arm.publish(arm.message(data=True))
+        assert nav.node.wait_for(lambda: not server._follower.held, 5.0)
+        time.sleep(0.5)
+        assert robot.state.pose == pytest.approx(rest, abs=1e-3)  # the goal is over
+        assert nav.goal(4, path)
+        assert nav.result.call(goal_id=uuid(4), wait=20.0).status == SUCCEEDED
 
 
 def test_errors_have_the_codes_of_nav2():

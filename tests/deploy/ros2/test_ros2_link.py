@@ -20,13 +20,14 @@ from omnidrive.deploy.ros2 import LATCHED_QOS, Node, message_type
 from omnidrive.deploy.ros2.drive_files import PARAMETERS_FILE, drive_of_log, parameters_file
 from omnidrive.deploy.ros2.drive_reports import DriveReports, ReportedPipeline
 from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
-from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower, PlanFollower
+from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
 from omnidrive.deploy.ros2.path_reference import is_same_ahead, path_poses, path_reference
+from omnidrive.deploy.ros2.plan_follower import PlanFollower
 from omnidrive.deploy.ros2.planar_messages import map_message, set_pose
 from omnidrive.deploy.ros2.ros_time import stamp
 from omnidrive.deploy.ros2.transform_tree import Transform, TransformTree
 from omnidrive.errors import InvalidInput, InvalidReference
-from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.geometry import BodyTwist, Pose, wrap
 from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Circle, Hold, ShapeReference
 from tests.command import omnidrive
@@ -290,8 +291,55 @@ def test_plans_goals_and_replanned_paths_are_driven(world):
     assert len(sent) == 2
     assert results[0].run.pose[-1, 1] == pytest.approx(0.4, abs=0.1)
     assert user.wait_for(
-        lambda: np.allclose(robot.state.pose, (-0.3, -0.2, 0.5), atol=0.15), 2.0
+        lambda: (
+            np.allclose(robot.state.pose[:2], (-0.3, -0.2), atol=0.15)
+            and abs(wrap(robot.state.pose.yaw - 0.5)) < 0.15
+        ),
+        5.0,
     ), robot.state.pose
+
+
+@pytest.mark.long
+def test_a_path_for_a_held_robot_is_driven_when_it_is_armed(world):
+    """A jump of the pose holds the robot; the paths that come then do not move it."""
+    robot, follower, user = world
+    plans = user.publisher("/plan", "nav_msgs/msg/Path")
+    arm = user.publisher("/drive/arm", "std_msgs/msg/Bool")
+    diagnostics = user.subscription("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+    follower.speed, follower.reports = (
+        0.4,
+        DriveReports(follower.link.node, follower.link.ros_clock, "map"),
+    )
+    plan_follower = PlanFollower(follower)
+    assert user.wait_for(lambda: plans.matched and arm.matched, 5.0)
+    at = robot.state.pose
+    plans.publish(path_message([(at.x + 0.02 * i, at.y, 0.0) for i in range(101)]))
+    aside = path_message([(at.x + 0.02 * i, at.y - 0.02 * i, 0.0) for i in range(41)])
+    publish, watch, began, moved = robot._publish, plan_follower._watch, [], []
+
+    def watch_and_lose(controls):
+        watch(controls)
+        now = time.monotonic()
+        if not began and robot.state.pose.x > at.x + 0.2:
+            began.append(now)
+            robot._publish = lambda: None
+        elif began and now - began[0] > 4.0:
+            arm.publish(arm.message(data=True))
+        elif began and now - began[0] > 1.5:
+            robot._publish = publish
+            plans.publish(aside)
+            moved.append(max(map(abs, robot.state.twist)))
+
+    plan_follower._watch = watch_and_lose
+    limit = threading.Timer(40.0, lambda: setattr(follower.requests, "stopped", True))
+    limit.start()
+    results = list(plan_follower.run(2))
+    limit.cancel()
+    assert max(moved) < 0.02
+    assert results[-1].finished, [each.ending for each in results]
+    assert user.wait_for(lambda: robot.state.pose.y < at.y - 0.65, 3.0)
+    told = [status.message for each in diagnostics.take() for status in each.message.status]
+    assert any(each.startswith("the robot is held: no readings for") for each in told)
 
 
 def test_paths_without_headings_turn_evenly_to_the_goal():

@@ -69,6 +69,9 @@ class FollowPathServer:
     Nav2's controller server. The drive continues along the new path without a stop, with the pose
     and twist of the present motion, if the limits of the robot permit it; otherwise the robot stops
     first.
+    If the robot is held, the goal is aborted with the reason, the drive ends at rest, and other
+    goals are aborted likewise until a user arms the robot: a hold is not ended by a planner that
+    sends its goal again.
     Goals are accepted in the state ``active`` of the lifecycle only, before their path is decoded.
 
     Args:
@@ -117,8 +120,10 @@ class FollowPathServer:
         try:
             while self._goes_on and (drives is None or self._done < drives):
                 goal = self._next_goal()
-                if goal is None:
+                if goal is None or self._follower.held:
                     self._follower.idle()
+                    if self._follower.held:
+                        self._abort_all(self._follower.held)
                     time.sleep(_POLL)
                     continue
                 result = self._drive(goal)
@@ -152,6 +157,12 @@ class FollowPathServer:
         with self._lock:
             waiting = [each for each in self._goals.values() if each.status == ACCEPTED]
             return waiting[-1] if waiting else None
+
+    def _abort_all(self, held: str) -> None:
+        """Abort all goals because the robot is held for a reason."""
+        with self._lock:
+            for each in list(self._goals.values()):
+                self._end(each, self._follower.held_sentence(held), _TF_ERROR)
 
     def _drive(self, goal: Goal) -> DriveResult | None:
         """Drive along the path of a goal and give it its result."""
@@ -203,6 +214,16 @@ class FollowPathServer:
         goal.data = b""
 
     def _watch(self, controls: DriveControls) -> None:
+        """Look after the goals during a drive."""
+        if (held := controls.held) is None:
+            self._follow_goals(controls)
+            return
+        self._following = None
+        self._abort_all(held)
+        if not any(self._follower.link.sent):  # the ramp has ended
+            controls.stop(self._follower.held_sentence(held))
+
+    def _follow_goals(self, controls: DriveControls) -> None:
         """Feed back, and continue along the path of a new goal, or stop the drive for it."""
         with self._lock:
             present = self._present

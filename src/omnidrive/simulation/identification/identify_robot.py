@@ -34,6 +34,7 @@ _SLIP_SHARE = 0.6  # used share of the friction limit from which a segment may c
 _OUTLIER = 2.5  # residual of a segment over the median from which its wheels slipped
 _DELAYS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)  # s, first iterates
 _FRICTIONS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.1)  # first iterates
+_SLIP_EXPLAINS = 0.5  # least share of the squared errors in segments with slip that it explains
 _FRICTION_MODEL = 0.01  # error of Coulomb's law: rollers that reach the floor absorb momentum
 
 
@@ -281,23 +282,30 @@ class _Data:
             return missing("friction", "1", slack)
         segments = np.concatenate([self.segments[rows]] * 2)
 
-        def residuals(values: Float[Array, " 2"]) -> Float[Array, " residuals"]:
+        def errors(mu: float | None, extra: float) -> Float[Array, " residuals"]:
             """Return the position errors with a friction coefficient and an extra delay (s)."""
-            mu, extra = values.tolist()
             _, moves = response(
                 self.robot, self.log.t, self.commands, lag, max(wait + extra, 0.0),
                 friction=mu, coupling=self.coupling,
             )  # fmt: skip
             straight, turn = self.scales
             positions, _ = self._pose_errors(moves * [straight, straight, turn], rows)
-            errors: Float[Array, " residuals"] = positions.T.ravel() / self.pose_sigma
-            return errors
+            scaled: Float[Array, " residuals"] = positions.T.ravel() / self.pose_sigma
+            return scaled
+
+        def residuals(values: Float[Array, " 2"]) -> Float[Array, " residuals"]:
+            """Return the errors with both as an array."""
+            mu, extra = values.tolist()
+            return errors(mu, extra)
 
         starts = [np.array([mu, 0.0]) for mu in _FRICTIONS]
         start = min(starts, key=lambda each: float((residuals(each) ** 2).sum()))
         bounds = (np.array([1e-3, -0.05]), np.array([5.0, 0.05]))
         found = fit(residuals, start, bounds, np.array([0.1, 0.01]), segments)
         value = float(found.values[0])
+        without = float((errors(None, float(found.values[1])) ** 2).sum())
+        if float((found.residuals**2).sum()) > (1.0 - _SLIP_EXPLAINS) * without:
+            return missing("friction", "1", slack)
         sigma = hypot(float(found.sigmas[0]), _FRICTION_MODEL * value)
         if value * self.robot.loads.min() > motor:
             slack = "the motors' torque limit is below the friction limit"

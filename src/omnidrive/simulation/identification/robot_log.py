@@ -95,7 +95,9 @@ def read_log(path: StrPath) -> RobotLog:
     name = one_line(str(path))
     suffix = path.suffix.lower()
     if suffix not in {".csv", ".parquet"}:
-        raise InvalidInput(f"{name}: the suffix of a log is .csv or .parquet")
+        raise InvalidInput(
+            f"{name}: the suffix of a log is .csv or .parquet, or .mcap for the log of a drive"
+        )
     content = read_bounded(
         path, _MAX_BYTES, "log", InvalidInput,
         excess=f"is too large for a log: more than {_MAX_BYTES:,} bytes",
@@ -154,9 +156,15 @@ def _used_columns(titles: list[str]) -> list[str]:
     """Return the names of the columns to read; raise unless all required ones are there."""
     if len(titles) > _MAX_COLUMNS:
         raise InvalidInput(f"there are more than {_MAX_COLUMNS} columns")
-    for name in ("t", *_COMMAND, *_POSE):
-        if name not in titles:
-            raise InvalidInput(f"there is no column '{name}'{suggestion(name, titles)}")
+    missing = [name for name in ("t", *_COMMAND, *_POSE) if name not in titles]
+    if len(missing) == 1:
+        raise InvalidInput(f"there is no column '{missing[0]}'{suggestion(missing[0], titles)}")
+    if missing:
+        names = ", ".join(f"'{name}'" for name in missing)
+        there = ", ".join(one_line(title, 60) for title in titles[:12])
+        raise InvalidInput(
+            f"there are no columns {names}; rename those of the file with these contents: {there}"
+        )
     wheels = sorted(int(match[1]) for title in titles if (match := _WHEEL.fullmatch(title)))
     if wheels != list(range(len(wheels))):
         raise InvalidInput(
