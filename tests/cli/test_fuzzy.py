@@ -155,6 +155,26 @@ def test_show_outputs_for_given_inputs(fuzzy):
     assert fuzzy("show", "tipper.fis", "--inputs", "12,8")[1] == out
 
 
+def test_show_evaluates_as_the_options_say_and_states_how(fuzzy):
+    exact = fuzzy("show", "tipper.fis", "--inputs", "3,8")[1]
+    assert "closed form; --centroid matlab: of 101 samples, as in Matlab" in exact
+    for options, samples in (((), 101), (("--samples", 21), 21)):
+        status, out, _ = fuzzy(
+            "show", "tipper.fis", "--inputs", "3,8", "--centroid", "matlab", *options
+        )
+        expected = Inference(TIPPER, centroid="matlab", samples=samples)(3, 8)[0]
+        assert status == 0
+        assert f"of {samples} samples, as in Matlab" in out
+        assert repr(float(expected)) in out
+        assert repr(float(expected)) not in exact
+    assert fuzzy("show", "tipper.fis", "--samples", 21)[0] == 2
+    assert fuzzy("show", "tipper.fis", "--algorithm", "ekm")[0] == 2
+    out = fuzzy(
+        "show", "tipper.fis", "--type2", "0.8,0.2", "--inputs", "3,8", "--reduction", "cos"
+    )[1]
+    assert "centre of sets" in out
+
+
 def test_show_type_2_system_with_intervals(fuzzy):
     status, out, _ = fuzzy("show", "tipper.fis", "--type2", "0.8,0.1,0.3", "--inputs", "3,8")
     assert status == 0

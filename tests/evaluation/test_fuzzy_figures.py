@@ -114,6 +114,27 @@ def test_aggregated_output_without_fired_rules_is_zero():
     assert rule_viewer(inference, [0.5]).axes
 
 
+def test_names_of_sets_in_the_rule_viewer_stand_above_the_curves():
+    sets = (FuzzySet("low", Membership("trapmf", (-1, 0, 0.2, 0.5))),)
+    rules = (parse_rule("if x is low then u is S1"),)
+    output = OutputVariable("u", 0, 1, parts(3))
+    inference = Inference(FuzzySystem("low", (InputVariable("x", 0, 1, sets),), (output,), rules))
+    figure = rule_viewer(inference, [0.1])
+    figure.canvas.draw()
+    for axes in figure.axes[:2]:
+        (name,) = axes.texts
+        lowest = axes.transData.inverted().transform(name.get_window_extent())[0, 1]
+        assert lowest > 1.0
+
+
+def test_linear_functions_are_drawn_with_the_names_of_the_inputs():
+    functions = (LinearFunction("f", 0.1, (0.5, -2.0)), LinearFunction("g", 0.0, (0.0, 1.0)))
+    output = OutputVariable("u", -1, 1, functions, defuzzifier="wtaver")
+    (axes,) = membership_figure(output, inputs=("error", "rate")).axes
+    assert axes.get_xlabel() == "u\nf = 0.1 + 0.5 error − 2 rate\ng = 1 rate"
+    assert "0.5 x1" in membership_figure(output).axes[0].get_xlabel()
+
+
 def check(figure, path):
     """Check that the figure can be saved without a warning and is not clipped at its edges."""
     save(figure, path)

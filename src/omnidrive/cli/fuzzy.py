@@ -109,6 +109,10 @@ def show(
             "given inputs or the middles of the ranges).",
         ),
     ] = None,
+    centroid: CentroidOption = None,
+    samples: SamplesOption = None,
+    reduction: ReductionOption = "centroid",
+    algorithm: AlgorithmOption = None,
     json: JsonOption = False,
 ) -> None:
     """Print the variables, sets and rules of a system; optionally draw them.
@@ -117,10 +121,12 @@ def show(
 
     * `omnidrive fuzzy show tipper.fis`
     * `omnidrive fuzzy show tipper.fis --inputs "service=3,food=8" --out figures`
+    * `omnidrive fuzzy show tipper.fis --inputs 3,8 --centroid matlab`
     """
-    from omnidrive.cli.fuzzy_actions import show_system
+    from omnidrive.cli.fuzzy_actions import parse_choices, show_system
 
-    show_system(file, inputs, type2, out, block=block, json=json)
+    choices = parse_choices(centroid=centroid, reduction=reduction, algorithm=algorithm)
+    show_system(file, inputs, type2, out, samples, choices, block=block, json=json)
 
 
 @fuzzy.command()

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from omnidrive.choices import ALGORITHMS, Centroid, NoRule, OutOfRange, Reduction
 from omnidrive.cli.fuzzy_text import (
+    evaluation_lines,
     fired_lines,
     outputs_table,
     rule_lines,
@@ -48,15 +49,20 @@ def show_system(
     inputs: str | None,
     type2: str | None,
     out: Path | None,
+    samples: int | None,
+    choices: dict[str, Any],
     *,
     block: str | None,
     json: bool,
 ) -> None:
-    """Print a system, its outputs for the inputs if they are given, and draw it into a folder."""
+    """Print a system, its outputs for the inputs if they are given, and draw it into a folder.
+
+    See :func:`parse_choices`.
+    """
     if out is not None:
         check_new_folder(out)
     system = _load(file, type2, block)
-    inference = Inference(system)
+    inference = _inference(system, samples, choices)
     given = None if inputs is None else _parse_inputs(inputs, system)
     if given is not None:
         with announce_compiling():
@@ -74,6 +80,8 @@ def show_system(
         for line in [*fired_lines(inference, given), ""]:
             show(line)
         print_tables([outputs_table(inference, given)])
+        for line in evaluation_lines(inference):
+            show(line)
     if out is not None:
         count = _save_figures(inference, given, out)
         conclude(f"{count} figures written to {out}", beside_json=json)
@@ -130,8 +138,8 @@ def parse_choices(
     centroid: str | None,
     reduction: str,
     algorithm: str | None,
-    out_of_range: str,
-    no_rule: str,
+    out_of_range: str = "clamp",
+    no_rule: str = "default",
 ) -> dict[str, Any]:
     """Return the options of an inference; an unknown name is an error."""
     choices = {
@@ -159,11 +167,7 @@ def evaluate_table(
 ) -> None:
     """Evaluate a system for every row of a table; see :func:`parse_choices`."""
     system = _load(file, type2, block)
-    if "algorithm" in choices and system.type == 1:
-        raise InvalidInput("--algorithm applies to type-2 systems, and this system is of type 1")
-    inference = Inference(system, samples=101 if samples is None else samples, **choices)
-    if samples is not None and (system.is_sugeno or inference.options.centroid == "exact"):
-        raise InvalidInput("--samples applies to --centroid matlab, and this centroid is exact")
+    inference = _inference(system, samples, choices)
     check_new_file(target, force=force)
     with announce_compiling():
         result = evaluate_csv(inference, source, target, threads=threads or available_cores())
@@ -171,6 +175,16 @@ def evaluate_table(
         shown = ", ".join(result.unused[:6]) + (", ..." if len(result.unused) > 6 else "")
         warn(f"columns ignored, because they are not inputs: {shown}")
     conclude(f"{result.rows} rows written to {target}")
+
+
+def _inference(system: FuzzySystem, samples: int | None, choices: dict[str, Any]) -> Inference:
+    """Return the inference of a system; options that do not apply to it are an error."""
+    if "algorithm" in choices and system.type == 1:
+        raise InvalidInput("--algorithm applies to type-2 systems, and this system is of type 1")
+    inference = Inference(system, samples=101 if samples is None else samples, **choices)
+    if samples is not None and (system.is_sugeno or inference.options.centroid == "exact"):
+        raise InvalidInput("--samples applies to --centroid matlab, and this centroid is exact")
+    return inference
 
 
 def _choice(option: str, value: str, names: Any) -> Any:
@@ -256,7 +270,9 @@ def _save_figures(inference: Inference, given: list[float] | None, folder: Path)
     system = inference.system
     figures: dict[str, Callable[[], Figure]] = {}
     for k, variable in enumerate(system.variables, 1):
-        figures[f"sets-{k}-{_file_name_part(variable.name)}"] = partial(membership_figure, variable)
+        figures[f"sets-{k}-{_file_name_part(variable.name)}"] = partial(
+            membership_figure, variable, inputs=[each.name for each in system.inputs]
+        )
     for k, output in enumerate(system.outputs, 1):
         name = output.name
         figures[f"surface-{k}-{_file_name_part(name)}"] = partial(control_surface, inference, name)

@@ -147,6 +147,18 @@ def outputs_table(inference: Inference, inputs: Sequence[float]) -> Table:
     return Table("Outputs", headings, rows)
 
 
+def evaluation_lines(inference: Inference) -> list[str]:
+    """Return a line on how the values of Mamdani outputs are calculated."""
+    options = inference.options
+    if inference.system.is_sugeno:
+        return []
+    if options.reduction == "cos":
+        return ["centre of sets"]
+    if options.centroid == "exact":
+        return ["closed form; --centroid matlab: of 101 samples, as in Matlab"]
+    return [f"of {options.samples} samples, as in Matlab"]
+
+
 def shortened_rule(rule: Rule) -> str:
     """Return the text of a rule, truncated if it is long."""
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -40,12 +41,15 @@ def membership_functions() -> Figure:
     return figure
 
 
-def membership_figure(variable: InputVariable | OutputVariable, *, unit: str = "") -> Figure:
+def membership_figure(
+    variable: InputVariable | OutputVariable, *, unit: str = "", inputs: Sequence[str] = ()
+) -> Figure:
     """Draw the sets of a variable with their footprints, or the functions of a Sugeno output.
 
     Args:
         variable: Variable of a fuzzy system of any type.
         unit: Unit of its values, for the axis label.
+        inputs: Names of the inputs, for linear functions of a Sugeno output; otherwise x1, x2, ...
     """
     with figure_style():
         figure = new_figure(PAGE, 2.9)
@@ -53,7 +57,7 @@ def membership_figure(variable: InputVariable | OutputVariable, *, unit: str = "
         axes.set_title(truncate(variable.name, 60))
         axes.set_xlabel(truncate(variable.name, 60) + (f" in {unit}" if unit else ""))
         if isinstance(variable, OutputVariable) and variable.is_sugeno:
-            _draw_functions(axes, variable)
+            _draw_functions(axes, variable, inputs)
         else:
             draw_sets(axes, variable, 6.2)
             axes.set_ylabel("degree of membership")
@@ -138,7 +142,7 @@ def _draw_names(axes: Axes, names: list[_Name], width: float, span: float) -> in
     return len(taken)
 
 
-def _draw_functions(axes: Axes, variable: OutputVariable) -> None:
+def _draw_functions(axes: Axes, variable: OutputVariable, inputs: Sequence[str]) -> None:
     """Draw the functions of a Sugeno output: constants as lines, linear functions as text."""
     functions = [each for each in variable.sets if isinstance(each, LinearFunction)]
     constants = [each for each in functions if not any(each.coefficients)]
@@ -156,14 +160,17 @@ def _draw_functions(axes: Axes, variable: OutputVariable) -> None:
     axes.set_ylim(0.0, 1.03 + 0.11 * rows)
     axes.set_yticks([])
     if linear:
-        formulas = [_formula(each) for each in linear[:8]]
+        formulas = [_formula(each, inputs) for each in linear[:8]]
         if len(linear) > 8:
             formulas.append(f"and {len(linear) - 8} more")
         axes.set_xlabel("\n".join((axes.get_xlabel(), *formulas)))
 
 
-def _formula(each: LinearFunction) -> str:
+def _formula(each: LinearFunction, inputs: Sequence[str]) -> str:
     parts = [f"{each.constant:g}"] if each.constant else []
-    parts += [f"{c:g} x{k}" for k, c in enumerate(each.coefficients, 1) if c]
+    names = [truncate(name) for name in inputs] or [
+        f"x{k}" for k in range(1, len(each.coefficients) + 1)
+    ]
+    parts += [f"{c:g} {x}" for c, x in zip(each.coefficients, names, strict=False) if c]
     shown = " + ".join(parts[:8]).replace("+ -", "− ")
     return f"{truncate(each.name)} = {shown}{' + ...' if len(parts) > 8 else ''}"

@@ -268,7 +268,8 @@ def _set_axes(panels: Array, inputs: int) -> None:
     rows = len(panels)
     for row in range(rows):
         for k, axes in enumerate(panels[row]):
-            axes.set_ylim(0.0, max(1.08, axes.get_ylim()[1] if row == rows - 1 else 0.0))
+            # the names stand above the curves, whose peaks are at 1
+            axes.set_ylim(0.0, 1.45 if row < rows - 1 else max(1.08, axes.get_ylim()[1]))
             axes.set_yticks([])
             axes.grid(visible=False)
             axes.tick_params(labelsize=7, length=2.5)
