@@ -8,8 +8,6 @@ from math import isfinite, nan
 import numpy as np
 
 from omnidrive.arrays import Array
-from omnidrive.control.pid.rules import LABELS, paper_rules
-from omnidrive.control.pid.rules import published_rules as code_rules
 from omnidrive.evaluation.drive_table import drive_table
 from omnidrive.evaluation.fault_table import fault_table
 from omnidrive.evaluation.paired import (
@@ -22,6 +20,7 @@ from omnidrive.evaluation.paired import (
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
 from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.rule_tables import rule_tables
 from omnidrive.evaluation.table import NO_VALUE, Table, number_text
 from omnidrive.evaluation.uncertainty import p_text
 from omnidrive.evaluation.verdict import limit_notes, verdicts
@@ -29,9 +28,7 @@ from omnidrive.evaluation.verdict_table import verdict_table
 from omnidrive.simulation import Outcome
 
 
-def study_tables(
-    results: StudyResults, *, published: bool, published_rules: bool = False
-) -> list[Table]:
+def study_tables(results: StudyResults, *, published: bool) -> list[Table]:
     """Return the tables of a study, the verdict first.
 
     Tables without rows and columns without values are omitted. Lengths are in mm and angles in
@@ -41,7 +38,6 @@ def study_tables(
     Args:
         results: Results of the study.
         published: Whether the scenario is the paper's, so that the published values are shown, too.
-        published_rules: Whether the fuzzy controllers used the rules of the published code.
     """
     tables = [
         verdict_table(verdicts(results), limit_notes(results)),
@@ -54,9 +50,8 @@ def study_tables(
         drive_table(results),
         _ended_table(results),
         _controller_table(results),
+        *rule_tables(results.fuzzy_systems),
     ]
-    if results.has_fuzzy_controllers:
-        tables.append(rule_table(published_rules=published_rules))
     return [_without_empty_columns(table) for table in tables if table.rows]
 
 
@@ -344,29 +339,6 @@ def _controller_table(results: StudyResults) -> Table:
         "Controllers", ("controller", "type", "parameters", "description"), tuple(rows),
         keys=4, is_detail=True,
     )  # fmt: skip
-
-
-def rule_table(*, published_rules: bool) -> Table:
-    """Return the fuzzy rules in use, with the paper's rule where it differs."""
-    paper, ours = paper_rules(), code_rules() if published_rules else paper_rules()
-
-    def cell(consequents: Array) -> str:
-        """Return the labels of the consequents of one rule."""
-        return "/".join(LABELS[i] for i in consequents)
-
-    rows = []
-    for i, error in enumerate(LABELS):
-        cells = [cell(ours[i, j]) for j in range(len(LABELS))]
-        for j in np.flatnonzero((ours[i] != paper[i]).any(axis=1)).tolist():
-            cells[j] += f" (paper {cell(paper[i, j])})"
-        rows.append((error, *cells))
-    return Table(
-        "Fuzzy rules: change of kp/ki/kd",
-        ("error \\ change of error", *LABELS),
-        tuple(rows),
-        "N: negative, P: positive; B: big, M: medium, S: small; ZO: zero.",
-        is_detail=True,
-    )
 
 
 def _without_empty_columns(table: Table) -> Table:
