@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from math import isfinite, nan
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from omnidrive.arrays import Array
 from omnidrive.evaluation.drive_table import drive_table
 from omnidrive.evaluation.fault_table import fault_table
+from omnidrive.evaluation.mean_test import needed_differences
 from omnidrive.evaluation.paired import (
     MEASURE_LABELS,
     MEASURES,
@@ -245,11 +247,25 @@ def paired_table(results: StudyResults) -> Table:
         "Error of the first minus error of the second controller for the same random numbers; "
         "negative if the first is more accurate. Intervals: of each pair by itself. p and "
         "result: Holm-corrected for the number of pairs, separately for each error, so that an "
-        "interval without 0 may stand beside “no difference shown” (p >= 0.05). Fewer than 6 seeds "
-        "show no difference and have no interval. Only seeds for which both runs finished count.",
+        "interval without 0 may stand beside “no difference shown” (p >= 0.05). "
+        f"{_least_seeds(differences)}Only seeds for which both runs finished count.",
         keys=3,
         is_detail=True,
     )  # fmt: skip
+
+
+def _least_seeds(differences: Sequence[PairedDifference]) -> str:
+    """Return the sentence on the least numbers of seeds; empty without differences."""
+    families = Counter((d.duration, d.measure) for d in differences)
+    if not families:
+        return ""
+    alone, needed = needed_differences(1), needed_differences(max(families.values()))
+    if needed == alone:
+        return f"Fewer than {alone} seeds show no difference and have no interval. "
+    return (
+        f"Fewer than {alone} seeds have no interval, and fewer than {needed} show no difference "
+        "between this number of controllers. "
+    )
 
 
 def _pair(difference: PairedDifference) -> tuple[float, str, str]:
