@@ -100,6 +100,7 @@ def test_verdict_states_advantage_confidence_work_and_computing_time(part):
 def test_one_run_with_noise_is_no_proof(study):
     (noise,) = of_task(study, "noise")
     assert f"Noise 30 s: {noise.best.name} is best in one run" in " ".join(headline([noise]))
+    assert '<span class="option">--noise-seeds 20</span>.' in verdict_markup(study)
 
 
 @pytest.fixture
