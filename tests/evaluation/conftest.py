@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from omnidrive.control import FeedforwardController, FeedforwardGains
+from omnidrive.control.pid import gain_inference
 from omnidrive.evaluation.metrics import measure
-from omnidrive.evaluation.results import StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.results import ControllerType, StepResult, StudyResults, TrackResult
 from omnidrive.evaluation.step_response import step_response
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
@@ -101,6 +102,10 @@ def study():
         spline=SplinePath(path.poses),
         tracks=tuple(tracks),
         steps=tuple(stepped(c) for c in GAINS),
+        types={
+            name: ControllerType(name, "", "", gain_inference(kind, "paper").system)
+            for name, kind in (("fuzzy_t1", "t1"), ("fuzzy_t2", "t2"))
+        },
     )
 
 

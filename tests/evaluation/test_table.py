@@ -130,7 +130,7 @@ def test_best_results_are_marked_in_the_table_of_every_task(study):
 
 
 def test_details_are_left_to_the_full_output(study):
-    types = {name: ControllerType(name, "", "") for name in study.controllers}
+    types = {name: ControllerType(name, "", "") for name in study.controllers} | study.types
     tables = study_tables(replace(study, types=types), published=False)
     assert {table.title for table in tables if table.is_detail} == {
         "Controllers", "Fuzzy rules: change of kp/ki/kd",

@@ -100,6 +100,7 @@ def test_verdict_states_advantage_confidence_work_and_computing_time(part):
 def test_one_run_with_noise_is_no_proof(study):
     (noise,) = of_task(study, "noise")
     assert f"Noise 30 s: {noise.best.name} is best in one run" in " ".join(headline([noise]))
+    assert '<span class="option">--noise-seeds 20</span>.' in verdict_markup(study)
 
 
 @pytest.fixture
@@ -133,6 +134,23 @@ def test_tie_is_no_win(repeated):
     assert verdict.advantage.is_tied
     assert verdict.confidence_text.startswith("no difference shown, p = ")
     assert headline([verdict]) == ["Noise 30 s: no difference shown between c and b."]
+
+
+@pytest.mark.parametrize(
+    ("seeds", "names", "needed"), [(5, "ab", 6), (6, "ab", 0), (6, "abc", 7), (7, "abc", 0)]
+)
+def test_tie_of_too_few_seeds_states_how_many_are_needed(repeated, seeds, names, needed):
+    some = [r for r in repeated.tracks if r.repeat < seeds and r.controller in names]
+    larger = [with_me(r, 0.2 + 0.01 * r.repeat) if r.controller == "a" else r for r in some]
+    equal = [with_me(r, 0.1 + 0.01 * r.repeat) if r.controller == "c" else r for r in larger]
+    (verdict,) = verdicts(replace(repeated, tracks=tuple(equal)))
+    (sentence,) = headline([verdict])
+    assert verdict.advantage.is_tied == bool(needed)
+    assert (f"at least {needed} are needed; check with --noise-seeds 20" in sentence) == bool(
+        needed
+    )
+    text = f"({seeds} seeds, at least {needed} needed)"
+    assert verdict.confidence_text.endswith(text) == bool(needed)
 
 
 def test_runs_within_one_percent_are_equal(part):

@@ -282,6 +282,28 @@ def test_tables_of_other_programs(tmp_path, caplog, text, notes):
     assert all(note in said for note, said in zip(notes, caplog.messages, strict=True))
 
 
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (",0,1\n0,2.0,0.0\n1,1.9,0.3\n", "line 1: 0, 1 are the numbers of columns"),
+        ("0,1\n2.0,0.0\n1.9,0.3\n", "line 1: 0, 1 are the numbers of columns"),
+        ("0,1,2\n2.0,0.0,0.5\n1.9,0.3,0.5\n", "line 1: 0, 1, 2 are the numbers of columns"),
+        ("0;1\n2,0;0,0\n1,9;0,3\n", "line 1: 0, 1 are the numbers of columns"),
+        ("0,2.0,0.0\n1,1.9,0.3\n2,1.7,0.5\n", "first column, 0, 1, 2, ..., has"),
+        ("0,1\n1,1\n2,3\n", None),
+        ("0,1.0\n1,2.0\n", None),
+        ("0,1,0\n1,1,0.5\n2,3,1\n", None),
+    ],
+)
+def test_numbers_of_pandas_are_no_waypoints(tmp_path, text, fault):
+    (tmp_path / "a.csv").write_text(text)
+    if fault is None:
+        assert load_waypoints(tmp_path / "a.csv").poses[0, 0] == 0.0
+        return
+    with pytest.raises(InvalidReference, match=f"{fault}.*titles"):
+        load_waypoints(tmp_path / "a.csv")
+
+
 @pytest.mark.parametrize("axis", ["y", "x"])
 @pytest.mark.parametrize("rotation", [0.0, 1.9, -2.5])
 def test_heading_of_race_lines(tmp_path, caplog, axis, rotation):

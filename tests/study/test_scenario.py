@@ -83,6 +83,14 @@ def changed(*path, value):
             changed("controllers", "feedforward", value={"type": "feedforward", "k": 1}),
             "controllers.feedforward has no parameter 'k'; there are position, heading",
         ),
+        (
+            changed("controllers", "pid", value={"type": "pid", "kp": 1}),
+            "controllers.pid has no parameter 'kp'; did you mean position.kp or heading.kp?",
+        ),
+        (
+            changed("controllers", "fuzzy_t1", value={"type": "fuzzy_t1", "rules": {"kp": []}}),
+            "controllers.fuzzy_t1 has no parameter 'rules'; did you mean fuzzy.rules?",
+        ),
         (changed("tasks", "track", "duration", value=1), "did you mean 'durations'?"),
         (changed("tasks", "track", "durations", value=["20 s"]), "number without a unit, got '20"),
         (changed("tasks", "track", "durations", value=[]), "at least 1 item"),

@@ -31,6 +31,7 @@ from omnidrive.errors import (
     suggestion,
 )
 
+_MOST_NESTED = 5  # names in deeper groups that a message suggests
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 _FRAMES = 3  # calls shown of a traceback
 _OTHER_CODE = (
@@ -173,12 +174,25 @@ class Component:
                 group = field_type(group, str(part)) if part in field_names(group) else None
             known = field_names(group)
             hint = suggestion(str(loc[-1]), known, most=30) if known else ""
+            if nested := self._nested([str(part) for part in loc]):
+                hint = f"; did you mean {' or '.join(nested)}?"
             text = f"has no parameter '{one_line(str(loc[-1]), 60)}'{hint}"
             loc = loc[:-1]
             kind = PydanticCustomError("component", "{text}", {"text": text})
         return InitErrorDetails(
             type=kind, loc=loc, input=problem["input"], ctx=problem.get("ctx", {})
         )
+
+    def _nested(self, place: list[str]) -> list[str]:
+        """Return the names, in deeper groups, of parameters and groups with the name of a place."""
+        *groups, name = place
+        start = len(groups)
+        found = []
+        for each in self.parameters:
+            parts = each.name.split(".")
+            if parts[:start] == groups and name in parts[start + 1 :]:
+                found.append(".".join(parts[start : parts.index(name, start + 1) + 1]))
+        return list(dict.fromkeys(found))[:_MOST_NESTED]
 
     def make(self, context: Any = None, parameters: Any = None) -> Any:
         """Return a new product of the factory.

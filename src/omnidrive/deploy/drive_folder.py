@@ -43,11 +43,7 @@ def save_drive(result: DriveResult, planned: PlannedScenario, link: str, folder:
         title=f"{planned.scenario.name}: drive over the link {link}",
         plant=f"robot over the link {link}, in real time",
     )
-    rules = planned.scenario.preset == "published-code"
-    tables = [
-        *drive_tables(result),
-        *study_tables(results, published=False, published_rules=rules),
-    ]
+    tables = [*drive_tables(result), *study_tables(results, published=False)]
     folder.save_series(done.name, result.run)
     list(write_figures(results, folder.path / "figures"))
     figure = _punctuality(result, planned.scenario.sample_time, folder.path / "figures")

@@ -11,6 +11,7 @@ import numpy as np
 from omnidrive.evaluation.metrics import Metrics
 from omnidrive.evaluation.recovery import Recovery, recovery
 from omnidrive.evaluation.step_response import StepResponse
+from omnidrive.fuzzy import FuzzySystem
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path, SplinePath
 from omnidrive.reference import ReferencePath
@@ -138,6 +139,8 @@ class ControllerType(NamedTuple):
     """Description in one line; may be empty."""
     parameters: str
     """Parameters other than the defaults, as text; empty: none."""
+    fuzzy: FuzzySystem | None = None
+    """Fuzzy system that tunes the gains; None: there is none of this package."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -188,9 +191,10 @@ class StudyResults:
         return self.types[controller].name if controller in self.types else controller
 
     @property
-    def has_fuzzy_controllers(self) -> bool:
-        """Whether a fuzzy controller of this package is among the controllers."""
-        return any(self.type_of(label).startswith("fuzzy_") for label in self.controllers)
+    def fuzzy_systems(self) -> dict[str, FuzzySystem]:
+        """Gain-tuning system of each fuzzy controller of this package, by label."""
+        found = {name: self.types[name].fuzzy for name in self.controllers if name in self.types}
+        return {name: system for name, system in found.items() if system is not None}
 
     @property
     def runs(self) -> tuple[TrackResult | StepResult, ...]:

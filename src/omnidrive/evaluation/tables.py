@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from math import isfinite, nan
 
 import numpy as np
 
 from omnidrive.arrays import Array
-from omnidrive.control.pid.rules import LABELS, paper_rules
-from omnidrive.control.pid.rules import published_rules as code_rules
 from omnidrive.evaluation.drive_table import drive_table
 from omnidrive.evaluation.fault_table import fault_table
+from omnidrive.evaluation.mean_test import needed_differences
 from omnidrive.evaluation.paired import (
     MEASURE_LABELS,
     MEASURES,
@@ -22,6 +22,7 @@ from omnidrive.evaluation.paired import (
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
 from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.rule_tables import rule_tables
 from omnidrive.evaluation.table import NO_VALUE, Table, number_text
 from omnidrive.evaluation.uncertainty import p_text
 from omnidrive.evaluation.verdict import limit_notes, verdicts
@@ -29,9 +30,7 @@ from omnidrive.evaluation.verdict_table import verdict_table
 from omnidrive.simulation import Outcome
 
 
-def study_tables(
-    results: StudyResults, *, published: bool, published_rules: bool = False
-) -> list[Table]:
+def study_tables(results: StudyResults, *, published: bool) -> list[Table]:
     """Return the tables of a study, the verdict first.
 
     Tables without rows and columns without values are omitted. Lengths are in mm and angles in
@@ -41,7 +40,6 @@ def study_tables(
     Args:
         results: Results of the study.
         published: Whether the scenario is the paper's, so that the published values are shown, too.
-        published_rules: Whether the fuzzy controllers used the rules of the published code.
     """
     tables = [
         verdict_table(verdicts(results), limit_notes(results)),
@@ -54,9 +52,8 @@ def study_tables(
         drive_table(results),
         _ended_table(results),
         _controller_table(results),
+        *rule_tables(results.fuzzy_systems),
     ]
-    if results.has_fuzzy_controllers:
-        tables.append(rule_table(published_rules=published_rules))
     return [_without_empty_columns(table) for table in tables if table.rows]
 
 
@@ -250,11 +247,25 @@ def paired_table(results: StudyResults) -> Table:
         "Error of the first minus error of the second controller for the same random numbers; "
         "negative if the first is more accurate. Intervals: of each pair by itself. p and "
         "result: Holm-corrected for the number of pairs, separately for each error, so that an "
-        "interval without 0 may stand beside “no difference shown” (p >= 0.05). Fewer than 6 seeds "
-        "show no difference and have no interval. Only seeds for which both runs finished count.",
+        "interval without 0 may stand beside “no difference shown” (p >= 0.05). "
+        f"{_least_seeds(differences)}Only seeds for which both runs finished count.",
         keys=3,
         is_detail=True,
     )  # fmt: skip
+
+
+def _least_seeds(differences: Sequence[PairedDifference]) -> str:
+    """Return the sentence on the least numbers of seeds; empty without differences."""
+    families = Counter((d.duration, d.measure) for d in differences)
+    if not families:
+        return ""
+    alone, needed = needed_differences(1), needed_differences(max(families.values()))
+    if needed == alone:
+        return f"Fewer than {alone} seeds show no difference and have no interval. "
+    return (
+        f"Fewer than {alone} seeds have no interval, and fewer than {needed} show no difference "
+        "between this number of controllers. "
+    )
 
 
 def _pair(difference: PairedDifference) -> tuple[float, str, str]:
@@ -344,29 +355,6 @@ def _controller_table(results: StudyResults) -> Table:
         "Controllers", ("controller", "type", "parameters", "description"), tuple(rows),
         keys=4, is_detail=True,
     )  # fmt: skip
-
-
-def rule_table(*, published_rules: bool) -> Table:
-    """Return the fuzzy rules in use, with the paper's rule where it differs."""
-    paper, ours = paper_rules(), code_rules() if published_rules else paper_rules()
-
-    def cell(consequents: Array) -> str:
-        """Return the labels of the consequents of one rule."""
-        return "/".join(LABELS[i] for i in consequents)
-
-    rows = []
-    for i, error in enumerate(LABELS):
-        cells = [cell(ours[i, j]) for j in range(len(LABELS))]
-        for j in np.flatnonzero((ours[i] != paper[i]).any(axis=1)).tolist():
-            cells[j] += f" (paper {cell(paper[i, j])})"
-        rows.append((error, *cells))
-    return Table(
-        "Fuzzy rules: change of kp/ki/kd",
-        ("error \\ change of error", *LABELS),
-        tuple(rows),
-        "N: negative, P: positive; B: big, M: medium, S: small; ZO: zero.",
-        is_detail=True,
-    )
 
 
 def _without_empty_columns(table: Table) -> Table:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omnidrive.control.controller import FALLS_BEHIND
+from omnidrive.evaluation.mean_test import needed_differences
 from omnidrive.evaluation.paired import (
     PairedDifference,
     RepeatedRuns,
@@ -21,6 +22,7 @@ from omnidrive.evaluation.uncertainty import CONFIDENCE, estimate_mean, p_text
 from omnidrive.simulation import Outcome, Run
 
 _ROUNDING = 1e-3 * RESOLUTION  # m or s; smaller values are rounding errors
+_CHECK_SEEDS = 20  # seeds that a headline recommends
 _SMALL = 0.01  # relative difference of two runs that counts as none
 
 
@@ -59,6 +61,8 @@ class Advantage(NamedTuple):
     """p-value of equal means, Holm-adjusted over all pairs of controllers; NaN for one run."""
     seeds: int
     """Number of seeds for which both runs finished."""
+    needed: int = 0
+    """Least number of seeds with which Holm's correction leaves a difference; 0 for one run."""
 
     @property
     def is_tied(self) -> bool:
@@ -131,11 +135,12 @@ class Verdict(NamedTuple):
         """Confidence interval of the factor with p-value, or why there is none."""
         if self.advantage is None:
             return "no other result"
-        _, low, high, p, seeds = self.advantage
+        _, low, high, p, seeds, needed = self.advantage
         if seeds < 2:
             return "one run: no interval" if not self.advantage.is_tied else "equal within 1 %"
         if self.advantage.is_tied:
-            return f"no difference shown, p {p_text(p)}"
+            few = f" ({seeds} seeds, at least {needed} needed)" if seeds < needed else ""
+            return f"no difference shown, p {p_text(p)}{few}"
         return f"{number_text(low)} to {number_text(high)}, p {p_text(p)}"
 
 
@@ -178,7 +183,7 @@ def headline(found: Iterable[Verdict]) -> list[str]:
         elif one_noise:
             others.append(
                 f"{each.name.capitalize()}: {each.best.name} is best in one run; check with "
-                "--noise-seeds 20."
+                f"--noise-seeds {_CHECK_SEEDS}."
             )
         else:
             wins.setdefault(each.best.name, []).append(each.name)
@@ -205,7 +210,14 @@ def limit_notes(results: StudyResults) -> list[str]:
 
 def _tie(task: str, advantage: Advantage, first: str, second: str) -> str:
     if advantage.seeds > 1:
-        return f"{task.capitalize()}: no difference shown between {first} and {second}."
+        text = f"{task.capitalize()}: no difference shown between {first} and {second}"
+        if advantage.seeds >= advantage.needed:
+            return f"{text}."
+        least = max(_CHECK_SEEDS, advantage.needed)
+        return (
+            f"{text}, and none can be with {advantage.seeds} seeds and this number of controllers: "
+            f"at least {advantage.needed} are needed; check with --noise-seeds {least}."
+        )
     return f"{task.capitalize()}: {first} and {second} are equal within 1 %."
 
 
@@ -281,15 +293,10 @@ def _paired(
         ratios = []
     log = estimate_mean(np.log(np.array(ratios, dtype=float)))
     pair = {best.controller, following.controller}
-    p = next(
-        (
-            d.p
-            for d in differences
-            if {d.first, d.second} == pair and d.measure == "me" and d.duration == best.duration
-        ),
-        nan,
-    )
-    return Advantage(exp(log.mean), exp(log.low), exp(log.high), p, len(seeds))
+    tested = [d for d in differences if d.measure == "me" and d.duration == best.duration]
+    p = next((d.p for d in tested if {d.first, d.second} == pair), nan)
+    needed = needed_differences(max(len(tested), 1))
+    return Advantage(exp(log.mean), exp(log.low), exp(log.high), p, len(seeds), needed)
 
 
 def _steps(steps: tuple[StepResult, ...]) -> Verdict:

@@ -8,16 +8,23 @@ from typing import Any
 import yaml
 from pydantic import BaseModel
 
+from omnidrive.choices import PresetName
 from omnidrive.components import Configured
 from omnidrive.components.fields import plain
+from omnidrive.control.pid.options import FuzzyPidOptions, system_preset
+from omnidrive.control.pid.tuners import Kind, gain_inference
 from omnidrive.errors import one_line
 from omnidrive.evaluation.results import ControllerType
+from omnidrive.fuzzy import FuzzySystem
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.scenario import Scenario
 from omnidrive.study.scenario_sections import RobotSection
 
 _MAX_VALUES = 12  # of an axis
 _MAX_TEXT = 300
+
+_KINDS: dict[str, Kind] = {"fuzzy_t1": "t1", "fuzzy_t2": "t2", "fuzzy_t3": "t3"}
+"""Kinds of the fuzzy systems of the fuzzy PID controllers, by component."""
 
 _SET_BY = {
     "Robot": ("robot", "name"),
@@ -123,6 +130,19 @@ def _changes_text(configured: Configured) -> str:
 def controller_types(scenario: Scenario) -> dict[str, ControllerType]:
     """Return type, description and changed parameters of each controller, by its label."""
     return {
-        label: ControllerType(each.type, each.component.summary, _changes_text(each))
+        label: ControllerType(
+            each.type,
+            each.component.summary,
+            _changes_text(each),
+            _gain_tuning_system(each, scenario.preset),
+        )
         for label, each in scenario.controllers.items()
     }
+
+
+def _gain_tuning_system(controller: Configured, preset: PresetName) -> FuzzySystem | None:
+    """Return the fuzzy system of a fuzzy PID controller of this package."""
+    kind, options = _KINDS.get(controller.type), controller.parameters
+    if kind is None or not isinstance(options, FuzzyPidOptions):
+        return None
+    return gain_inference(kind, system_preset(options.preset or preset), options.fuzzy).system

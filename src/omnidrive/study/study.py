@@ -218,8 +218,7 @@ def _limits_in_the_verdict(scenario: Scenario) -> Iterator[None]:
 
 def _tables(scenario: Scenario, results: StudyResults) -> list[Table]:
     """Return the tables of the results."""
-    rules = scenario.preset == "published-code"
-    return study_tables(results, published=_is_published_study(scenario), published_rules=rules)
+    return study_tables(results, published=_is_published_study(scenario))
 
 
 def _check_run_timeout(

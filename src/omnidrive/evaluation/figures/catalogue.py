@@ -27,7 +27,7 @@ _FIGURES: dict[str, Draw] = {
     "kinematics": lambda results: kinematics(results.robot),
     "tracking_error": lambda results: tracking_error(results.robot),
     "membership_functions": lambda results: (
-        membership_functions() if results.has_fuzzy_controllers else None
+        membership_functions(systems) if (systems := results.fuzzy_systems) else None
     ),
     "xy_comparison": lambda results: xy_comparison(results, "track"),
     "heading_comparison": lambda results: heading_comparison(results, "track"),

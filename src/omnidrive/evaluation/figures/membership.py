@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omnidrive.arrays import Array
-from omnidrive.control.pid import gain_inference
 from omnidrive.evaluation.figures.style import DARK, MUTED, PAGE, figure_style, new_figure
-from omnidrive.fuzzy import FuzzySet, InputVariable, LinearFunction, OutputVariable
+from omnidrive.fuzzy import FuzzySet, FuzzySystem, InputVariable, LinearFunction, OutputVariable
 from omnidrive.fuzzy.sets import ZSlice, membership_bounds
 
 COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#4d4d4d", "#e69f00", "#d55e00", "#cc79a7")
@@ -25,20 +25,71 @@ _GROUND = {"boxstyle": "square,pad=0.05", "fc": "white", "ec": "none"}
 _LEVELS = (0.25, 0.5, 0.75)  # drawn levels of the secondary functions
 
 
-def membership_functions() -> Figure:
-    """Draw the paper's input and output sets: type 1 above, interval type 2 below."""
-    figure = new_figure(PAGE, 3.8)
-    panels = figure.subplots(2, 2, sharey=True)
-    systems = (gain_inference("t1", "paper").system, gain_inference("t2", "paper").system)
-    for (left, right), system in zip(panels, systems, strict=True):
-        title = "Type-1" if system.type == 1 else "Interval type-2"
-        draw_sets(left, system.inputs[0], 3.0)
-        left.set(title=f"{title} sets of the inputs", ylabel="degree of membership")
-        left.set_xlabel("scaled error e, change of error de")
-        draw_sets(right, system.outputs[0], 3.0)
-        right.set(title=f"{title} sets of the outputs", xlabel="change of gain kp, ki, kd")
-        right.locator_params(axis="x", nbins=5)
+def membership_functions(systems: Mapping[str, FuzzySystem]) -> Figure:
+    """Draw the sets of the inputs and outputs of the fuzzy systems in use.
+
+    Systems with equal sets, and variables with equal sets, share a panel.
+
+    Args:
+        systems: Gain-tuning system of each fuzzy controller, by label.
+    """
+    users: list[tuple[FuzzySystem, list[str]]] = []
+    for label, system in systems.items():
+        same = (names for each, names in users if _sets_of(each) == _sets_of(system))
+        found = next(same, None)
+        if found is None:
+            users.append((system, [label]))
+        else:
+            found.append(label)
+    types = [system.type for system, _ in users]
+    rows: list[tuple[str, _Panel | None, _Panel | None]] = []
+    for system, labels in users:
+        name = _TYPES[system.type]
+        if types.count(system.type) > 1:
+            name = f"{truncate(', '.join(labels), 30)}: {name[0].lower()}{name[1:]}"
+        rows += [
+            (name, *pair) for pair in zip_longest(_equal(system.inputs), _equal(system.outputs))
+        ]
+    figure = new_figure(PAGE, 1.9 * len(rows))
+    panels = figure.subplots(len(rows), 2, sharey=True, squeeze=False)
+    for (left, right), (name, inputs, outputs) in zip(panels, rows, strict=True):
+        left.set_ylabel("degree of membership")
+        _draw_panel(left, inputs, f"{name} sets of the inputs")
+        _draw_panel(right, outputs, f"{name} sets of the outputs", "change of gain ")
     return figure
+
+
+_TYPES = {1: "Type-1", 2: "Interval type-2", 3: "Interval type-3"}
+_NAMES = {"error": "scaled error e", "derror": "change of error de"}
+_Panel = Sequence[InputVariable | OutputVariable]
+
+
+def _sets_of(system: FuzzySystem) -> tuple[object, ...]:
+    return system.type, system.inputs, system.outputs
+
+
+def _equal(variables: _Panel) -> list[_Panel]:
+    """Group variables with equal sets."""
+    groups: list[list[InputVariable | OutputVariable]] = []
+    for variable in variables:
+        same = (group for group in groups if group[0].sets == variable.sets)
+        found = next(same, None)
+        if found is None:
+            groups.append([variable])
+        else:
+            found.append(variable)
+    return list(groups)
+
+
+def _draw_panel(axes: Axes, variables: _Panel | None, title: str, prefix: str = "") -> None:
+    if variables is None:
+        axes.set_axis_off()
+        return
+    draw_sets(axes, variables[0], 3.0)
+    names = ", ".join(_NAMES.get(each.name, each.name) for each in variables)
+    axes.set(title=title, xlabel=prefix + names)
+    if prefix:
+        axes.locator_params(axis="x", nbins=5)
 
 
 def membership_figure(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from base64 import b64encode
 from collections.abc import Sequence
 from html import escape
@@ -49,6 +50,11 @@ def figure_markup(figure: PageFigure) -> str:
     )
 
 
+def _unbroken_options(markup: str) -> str:
+    """Return a text in which options of the command line are not broken at their hyphens."""
+    return re.sub(r"--[a-z][a-z-]*(?: \d+)?", r'<span class="option">\g<0></span>', markup)
+
+
 def verdict_markup(results: StudyResults) -> str:
     """Return the best controller of each task as cards; empty if nothing is compared."""
     found = verdicts(results)
@@ -59,7 +65,7 @@ def verdict_markup(results: StudyResults) -> str:
     return (
         '<section class="verdict" aria-labelledby="verdict-title">\n'
         '<h2 id="verdict-title" class="unseen">Verdict</h2>\n'
-        f'<p class="lead">{escape(lead)}</p>\n'
+        f'<p class="lead">{_unbroken_options(escape(lead))}</p>\n'
         f'<ul class="cards">\n{cards}\n</ul>\n</section>'
     )
 

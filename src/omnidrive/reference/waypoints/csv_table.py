@@ -50,6 +50,7 @@ from omnidrive.reference.waypoints.table_columns import (
 from omnidrive.reference.waypoints.text_file import read_text, write_text
 from omnidrive.reference.waypoints.waypoints import Waypoints, timed_waypoints, untimed_waypoints
 
+_NUMBERED_ROWS = 20  # of which numbers of rows are detected
 _MAX_LINES = 2 * MAX_SAMPLES  # including comments and empty lines
 _PATH_HEADER = "x_m,y_m,yaw_rad"
 _INTERPOLATION = (
@@ -124,8 +125,34 @@ def _columns(name: str, form: TableFormat, lines: list[str]) -> tuple[Columns, i
             f"{name}, line {form.first_row}: {count} columns without titles; start the table with "
             f"a line of titles such as {_PATH_HEADER}"
         )
+    _check_numbering(name, form, lines)
     _log.warning("%s: the columns have no titles and are read as %s", name, ", ".join(titles))
     return table_columns(name, titles)._replace(unused=()), count
+
+
+def _check_numbering(name: str, form: TableFormat, lines: list[str]) -> None:
+    """Raise InvalidReference if a table without titles has the column or row numbers of pandas.
+
+    Numbers that count from 0 are taken for them if they are integers beside decimal fractions.
+    """
+    text = [line for line in lines[form.first_row - 1 :] if line.strip()]
+    try:
+        rows = [form.cells(line) for line in text[:_NUMBERED_ROWS]]
+    except ValueError:
+        return  # the error of the row states it
+    remedy = "give the columns titles, as in df.to_csv(file, index=False) with the columns x, y"
+    first = [cell for cell in rows[0] if cell]
+    fractions = all(form.decimal in cell for cell in rows[1][-len(first) :]) if rows[1:] else False
+    if first == list(map(str, range(len(first)))) and (fractions or not rows[0][0]):
+        raise InvalidReference(
+            f"{name}, line {form.first_row}: {', '.join(first)} are the numbers of columns, not a "
+            f"waypoint; {remedy}"
+        )
+    counted = [row[0] for row in rows] == list(map(str, range(len(rows))))
+    if counted and len(rows) > 2 and all(form.decimal in cell for row in rows for cell in row[1:]):
+        raise InvalidReference(
+            f"{name}: the first column, 0, 1, 2, ..., has the numbers of rows; {remedy}"
+        )
 
 
 def _rows(
