@@ -13,6 +13,7 @@ from matplotlib.text import Text
 from omnidrive.errors import InvalidInput, one_line
 from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.evidence_tables import _interval_note, evidence_tables
+from omnidrive.evaluation.figures.study_axes import axis_curves
 from omnidrive.evaluation.figures.study_catalogue import study_figures
 from omnidrive.evaluation.figures.study_cost import CostPoint, cost_points, pareto_front
 from omnidrive.evaluation.figures.study_distributions import paired_intervals
@@ -306,3 +307,4 @@ def test_axis_values_at_which_no_run_is_finished_are_stated():
     rows = {t.title: t for t in evidence_tables(study)}["By friction"].rows
     assert [row[1] for row in rows] == ["0.2", "1"]
     assert set(rows[0][3:-1]) == {"– (0 %)"}
+    assert axis_curves(study, [answer], {}, "friction") is None  # one point is no curve

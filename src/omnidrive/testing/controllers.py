@@ -129,7 +129,7 @@ class _ControllerLaws(Laws):
             controller, circle = self.make(), Circle(turn=turn)
             controller.reset(State(0.0, _START))
             commands.append(controller.step(0.0, State(0.0, _START), circle).value)
-        if np.allclose(*commands, rtol=0.0, atol=1e-5):
+        if np.allclose(commands[0], commands[1], rtol=0.0, atol=1e-5):
             return None
         return (
             f"with the headings of the reference one turn greater, the command at 0 s is "
