@@ -11,6 +11,7 @@ import pytest
 
 import omnidrive as od
 from omnidrive.components import find_component
+from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix
 from omnidrive.geometry import to_body
 from omnidrive.simulation import Disturbances, KinematicPlant, PoseOffset
@@ -35,7 +36,8 @@ class Law:
     def step(self, t, state, reference):
         self.steps += 1
         pose, target = state.pose, reference.at(t).pose
-        errors = (2.0 * (b - a) for a, b in zip(pose, target, strict=True))
+        x, y, yaw = (b - a for a, b in zip(pose, target, strict=True))
+        errors = (2.0 * x, 2.0 * y, 2.0 * (yaw if "unwrapped" in self.faults else od.wrap(yaw)))
         twist = to_body(od.WorldTwist(*errors), pose.yaw)
         if "world" in self.faults:
             twist = od.BodyTwist(target.x - pose.x, target.y - pose.y, 0.0)
@@ -63,6 +65,7 @@ def test_correct_law_passes():
     [
         ("memory", "determinism: after reset, the command at 0 s differs"),
         ("world", "rotation of the world: with the world turned by"),
+        ("unwrapped", "wrapped heading: with the headings of the reference one turn greater"),
         ("nan", "finite commands: at the pose"),
         ("tuple", "protocol: it returned a tuple, not a Command: return Command(BodyTwist(vx, vy,"),
         ("exit", r"protocol: it raises SystemExit: two\nlines"),
@@ -74,6 +77,15 @@ def test_broken_law_is_found(fault, message):
     with pytest.raises(AssertionError, match="the controller breaks") as caught:
         check_controller(partial(Law, **{fault: True}))
     assert message in str(caught.value)
+
+
+def test_message_names_the_class_that_is_no_controller():
+    class NoReset:
+        def step(self, t, state, reference):
+            """Return nothing."""
+
+    with pytest.raises(InvalidInput, match=r"^the class NoReset is no controller: it has no"):
+        check_controller(NoReset)
 
 
 def test_object_that_is_no_controller_is_found():

@@ -13,6 +13,7 @@ from matplotlib.text import Text
 from omnidrive.errors import InvalidInput, one_line
 from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.evidence_tables import _interval_note, evidence_tables
+from omnidrive.evaluation.figures.study_axes import axis_curves
 from omnidrive.evaluation.figures.study_catalogue import study_figures
 from omnidrive.evaluation.figures.study_cost import CostPoint, cost_points, pareto_front
 from omnidrive.evaluation.figures.study_distributions import paired_intervals
@@ -117,6 +118,9 @@ def test_tables_have_every_part(study):
         "pid", "noise 30 s", "controller failed", "20",
     )  # fmt: skip
     assert tables["Other quantities"].columns[2:] == ("step time, µs",)
+    effects = "".join(row[6] for row in tables["Paired differences"].rows)
+    assert "-" not in effects
+    assert "\N{MINUS SIGN}" in effects
 
 
 def test_refused_runs_count_nowhere():
@@ -289,3 +293,18 @@ def test_labels_are_shown_literally(label, tmp_path):
     page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
     assert "<b>bold" not in page
     assert escape(label) in page or escape(one_line(label)) in page
+
+
+def test_axis_values_at_which_no_run_is_finished_are_stated():
+    table = synthetic_table(EFFECTS, repetitions=8, axes={"friction": [0.2, 1.0]}, own=3e-4)
+    lost = pa.compute.equal(table["factor:friction"], 0.2)
+    for name, value in (("outcome", "stopped"), ("finished", False)):
+        column = pa.compute.if_else(lost, pa.scalar(value), table[name])
+        table = table.set_column(table.column_names.index(name), name, column)
+    study = StudyEvidence(RunTable(table))
+    (answer,) = study_answers(study)
+    assert "Along friction no run is finished at 0.2." in answer.lead
+    rows = {t.title: t for t in evidence_tables(study)}["By friction"].rows
+    assert [row[1] for row in rows] == ["0.2", "1"]
+    assert set(rows[0][3:-1]) == {"– (0 %)"}
+    assert axis_curves(study, [answer], {}, "friction") is None  # one point is no curve

@@ -244,7 +244,8 @@ def axis_evidence(
     """Return the evidence of a metric at every value of a factor, by task.
 
     The p-values of all pairs of controllers at all values of the factor are Holm-corrected
-    together. Other axes are averaged. Tasks in which the factor does not vary are omitted.
+    together. Other axes are averaged. Tasks in which the factor does not vary are omitted,
+    and values at which no run is finished.
 
     Args:
         runs: The runs.
@@ -268,7 +269,7 @@ def axis_evidence(
             )
         ]
         for task, every in found.items()
-        if len(every) > 1
+        if len(set(codes[runs.task == runs.tasks.index(task)].tolist())) > 1
     }
 
 

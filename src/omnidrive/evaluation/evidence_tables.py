@@ -237,7 +237,7 @@ def _pair_row(pair: PairEvidence) -> tuple[str, ...]:
         mean,
         f"{low} to {high}" if known else NO_VALUE,
         p_text(pair.p).removeprefix("= ") if isfinite(pair.p) else NO_VALUE,
-        number_text(pair.effect),
+        number_text(pair.effect).replace("-", "\N{MINUS SIGN}"),
         percent(pair.share_better),
         signed_percent(pair.relative),
         str(pair.difference.sample_size),
@@ -250,8 +250,14 @@ def _axis_table(study: StudyEvidence, answers: Sequence[TaskAnswer], path: str) 
     rows = []
     for answer in answers:
         task, measure = answer.evidence.task, answer.evidence.measure
-        for each in study.along(measure.name, path).get(task, []):
-            rows += _level_rows(task, level_text(each.level), each.evidence)
+        found = {e.level: e.evidence for e in study.along(measure.name, path).get(task, [])}
+        for each in study.along("finished", path).get(task, []) if found else ():
+            level = level_text(each.level)
+            if each.level in found:
+                rows += _level_rows(task, level, found[each.level])
+            elif not any(s.success_rate for s in each.evidence.summaries):
+                lost_cells = {s.controller: f"{NO_VALUE} (0 %)" for s in each.evidence.summaries}
+                rows.append((task.label, level, measure.heading, lost_cells, NO_VALUE))
     controllers = list(dict.fromkeys(s.controller for a in answers for s in a.evidence.summaries))
     lost = not study.runs.finished.all()
     shown = tuple(

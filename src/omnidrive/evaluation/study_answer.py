@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import NamedTuple
 
@@ -32,6 +32,8 @@ class TaskAnswer(NamedTuple):
     """Evidence of the success rate; None if all runs are finished."""
     along: tuple[str, ...] = ()
     """Sentences on axes along which another controller than the leader is shown to be better."""
+    lost: tuple[str, ...] = ()
+    """Sentences on axes with values at which no run is finished."""
 
     @property
     def lead(self) -> str:
@@ -75,7 +77,7 @@ class TaskAnswer(NamedTuple):
 
     @property
     def _along(self) -> str:
-        return "".join(f" {each}" for each in self.along)
+        return "".join(f" {each}" for each in (*self.along, *self.lost))
 
     def _failing(self, best: Sequence[str]) -> str:
         """Return a warning of the best controllers that finish fewer runs than another."""
@@ -111,11 +113,30 @@ def study_answers(study: StudyEvidence, metric: str | None = None) -> list[TaskA
         every = study.of("finished")
         success = {e.task: e for e in every if any(s.finished < s.runs for s in e.summaries)}
     return [
-        TaskAnswer(evidence, success.get(task), _differing(study, evidence))
+        TaskAnswer(
+            evidence, success.get(task), _differing(study, evidence), _lost(study, task, success)
+        )
         for task in runs.tasks
         for evidence in study.of(metric or main_metric(runs, task))
         if evidence.task == task
     ]
+
+
+def _lost(
+    study: StudyEvidence, task: Task, success: Mapping[Task, TaskEvidence]
+) -> tuple[str, ...]:
+    """Return a sentence for each axis with values at which no run is finished."""
+    found = []
+    for path in study.runs.shown_axes if task in success else ():
+        levels = study.along("finished", path).get(task, [])
+        lost = [
+            level_text(each.level)
+            for each in levels
+            if not any(s.success_rate for s in each.evidence.summaries)
+        ]
+        if 0 < len(lost) < len(levels):
+            found.append(f"Along {path} no run is finished at {_listed(lost[:_MAX_LISTED])}.")
+    return tuple(found)
 
 
 def _differing(study: StudyEvidence, evidence: TaskEvidence) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import hypot, isfinite
+from math import hypot, isfinite, tau
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,7 @@ def check_controller(
       memory.
     - Commands are finite, or their status is ``FAILED``, for any pose.
     - The state may have unknown parts (None).
+    - A full turn of the reference, another value of the same heading, does not change the command.
     - Rotating the world does not change the command (``invariant``).
     - It reaches a pose, on a plant that executes commands exactly; with wheel torques, on the plant
       ``planar`` (``converges``).
@@ -54,10 +55,11 @@ def check_controller(
         converges: Whether the law of convergence applies.
 
     Raises:
+        InvalidInput: The class has not all methods, or they take other arguments.
         AssertionError: A law is broken; the message has one line for each.
     """
     laws = _ControllerLaws(factory, robot, parameters, dt)
-    others: dict[str, Law] = {"finite_commands": laws.finite}
+    others: dict[str, Law] = {"finite_commands": laws.finite, "wrapped_heading": laws.full_turn}
     if invariant:
         others["rotation_of_the_world"] = laws.rotation
     if converges:
@@ -119,6 +121,21 @@ class _ControllerLaws(Laws):
                     "or the status FAILED"
                 )
         return None
+
+    def full_turn(self) -> str | None:
+        """Return how a reference whose headings are one turn greater changes the command."""
+        commands = []
+        for turn in (0.0, tau):
+            controller, circle = self.make(), Circle(turn=turn)
+            controller.reset(State(0.0, _START))
+            commands.append(controller.step(0.0, State(0.0, _START), circle).value)
+        if np.allclose(commands[0], commands[1], rtol=0.0, atol=1e-5):
+            return None
+        return (
+            f"with the headings of the reference one turn greater, the command at 0 s is "
+            f"{commands[1]} instead of {commands[0]}: wrap errors of the heading, as in "
+            "omnidrive.wrap(target.yaw - pose.yaw)"
+        )
 
     def rotation(self) -> str | None:
         """Return how a turn of the world changes the commands; None: not at all."""

@@ -39,7 +39,8 @@ class Laws(ABC):
     """Time between two rows, s."""
 
     def __init__(self, factory: Callable[..., Any], robot: Robot | None, parameters: Any) -> None:
-        self.component = Component(f"{self.kind}s", f"the {self.kind}", "", factory)
+        name = getattr(factory, "__name__", f"of the {self.kind}")
+        self.component = Component(f"{self.kind}s", name, "", factory)
         self.robot, self.parameters = robot or named_robot("small"), parameters
 
     def make(self) -> Any:

@@ -37,8 +37,8 @@ def axis_curves(
     """Draw mean with interval, and success rate if a run failed, along one axis."""
     shown = []
     for answer in answers:
-        levels = study.along(answer.evidence.measure.name, path).get(answer.evidence.task)
-        if levels:
+        levels = study.along(answer.evidence.measure.name, path).get(answer.evidence.task, [])
+        if len(levels) > 1:
             shown.append((answer, levels))
     shown = shown[:_MAX_COLUMNS]
     if not shown:
