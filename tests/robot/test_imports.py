@@ -211,6 +211,8 @@ ENTITIES = """<?xml version="1.0"?>
         (mecanum_urdf().replace('child link="front_left', 'child link="x&#10;\x7f'),
          r"there is no link 'x\\n\\x7f_wheel_link'"),
         (MJCF.replace('kv="2"', 'kv="1e-320"'), "a lag of the robot .*, got inf s"),
+        (MJCF.replace('size="0.25 0.18', 'size="1e308 0.18'), "inertia of 'base' is not finite"),
+        (mecanum_urdf().replace('<mass value="17.6"', '<mass value="1e999"'), "finite"),
     ],
 )  # fmt: skip
 def test_bad_descriptions_are_refused_with_one_sentence(imported, text, message):

@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
+import numpy as np
+
 from omnidrive.choices import RobotFormat
 from omnidrive.errors import InvalidInput, InvalidRobot, one_line, suggestion
 from omnidrive.files.bounded_file import read_bounded
@@ -61,10 +63,11 @@ def import_robot(
     is_yaml = path.suffix.lower() in {".yaml", ".yml"}
     kind = format or ("ros2_control" if is_yaml else None)
     try:
-        draft = _draft(path, kind, wheels, wheel_radius, mecanum)
-        if wheel_radius is not None and kind == "ros2_control":
-            draft.radius = wheel_radius
-        imported = draft.finish()
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # checked at the end
+            draft = _draft(path, kind, wheels, wheel_radius, mecanum)
+            if wheel_radius is not None and kind == "ros2_control":
+                draft.radius = wheel_radius
+            imported = draft.finish()
     except InvalidRobot as error:
         name, fact = one_line(str(path)), one_line(str(error), _LONGEST)
         raise error if str(error).startswith(name) else InvalidRobot(f"{name}: {fact}") from None

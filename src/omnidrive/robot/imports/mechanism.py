@@ -9,7 +9,7 @@ from math import hypot
 
 import numpy as np
 
-from omnidrive.errors import InvalidRobot, suggestion
+from omnidrive.errors import InvalidRobot, one_line, suggestion
 from omnidrive.robot.imports.draft import RobotDraft
 from omnidrive.robot.imports.rotations import Matrix, Vector
 from omnidrive.robot.imports.wheel_mounts import Axle, is_roller, listed, mount_wheels, tidy
@@ -316,6 +316,11 @@ class Mechanism:
         groups: Sequence[Collection[int]],
         radius: float,
     ) -> None:
+        for body in self.bodies:
+            if not np.isfinite([body.mass, *body.com, body.yaw_inertia]).all():
+                raise InvalidRobot(
+                    f"mass, centre of mass or inertia of '{one_line(body.name, 60)}' is not finite"
+                )
         total = sum(body.mass for body in self.bodies)
         if not total > 0.0:
             return
