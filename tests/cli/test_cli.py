@@ -174,7 +174,7 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", *MAP], "cannot read the map no.yaml: No such file"),
         (["compare", "--map", "no.yaml"], "a map needs --start X,Y and --goal X,Y"),
         (["run", "x.parquet"], "need a scenario (.yaml or its folder), a waypoint file (.csv,"),
-        (["compare", "--controller", "no.py:A"], "cannot read the controller no.py"),
+        (["compare", "--controller", "no.py:A"], "relative to the working folder"),
         (["compare", "none.yaml"], "cannot read the scenario none.yaml"),
         (["compare", "--goal", "80,6"], "outside the map, which spans"),
         (["compare", "--goal", "2,3"], "inside an obstacle"),

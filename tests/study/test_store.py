@@ -105,10 +105,13 @@ def test_missing_runs_are_those_that_are_not_stored(tmp_path, monkeypatch):
         assert list(store.missing(PLAN, 50)) == list(range(50, 60))
 
 
-def test_another_definition_finds_the_results_by_their_keys(tmp_path):
+def test_another_definition_finds_the_results_by_their_keys(tmp_path, caplog):
     filled(tmp_path)
     with Store(tmp_path) as store:
         store.begin("other")
+        store.begin("other")
+        (note,) = caplog.messages
+        assert "what its runs depend on has changed" in note
         assert store.status().runs == 0
         keys = PLAN.keys(0, 3)
         found = store.results([*keys, "0" * 64])

@@ -111,6 +111,11 @@ def _key(name: str) -> str:
 
 def _load_file(kind: str, name: str, path: Path) -> tuple[ModuleType, str]:
     """Import a Python file; a file with the same content is imported only once."""
+    if "\0" not in str(path) and not path.is_absolute() and not path.exists():
+        raise InvalidInput(
+            f"the {kind} '{one_line(name)}' does not exist: the name of code is relative to the "
+            f"working folder, {one_line(str(Path.cwd()))}"
+        )
     content = read_bounded(path, _MAX_CODE, kind, InvalidInput, excess="is too large for code")
     digest = sha256(content).hexdigest()
     module_name = f"omnidrive_code_{digest[:16]}"

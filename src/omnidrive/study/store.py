@@ -9,6 +9,7 @@ Several processes may work on one study: each claims numbers, see :mod:`omnidriv
 
 from __future__ import annotations
 
+import logging
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
 
     from omnidrive.study.planned_run import PlannedRun
     from omnidrive.study.record_table import StoredTables
+
+_log = logging.getLogger("omnidrive")
 
 _RANGE = 2048  # numbers that are looked up at once
 _MOST_FAILURES = 5  # failed runs that are named
@@ -155,6 +158,12 @@ class Store:
         with self.transaction() as connection:
             facts = self._facts()
             if facts.get("definition") != definition:  # another process may have done it
+                if facts["runs"]:
+                    _log.warning(
+                        "%s: what its runs depend on has changed (the study, a file, code or a "
+                        "version); stored runs that it does not concern are kept",
+                        one_line(str(self.path.parent)),
+                    )
                 connection.execute("DELETE FROM runs")
                 connection.execute("DELETE FROM claims")
                 write_facts(connection, {**facts, "definition": definition, "runs": 0})
