@@ -15,7 +15,6 @@ from omnidrive.compiled.compilation import reported
 from omnidrive.control.supervision import Event
 from omnidrive.errors import InvalidInput
 from omnidrive.study import Study
-from omnidrive.study.section import Renamed
 
 
 @pytest.fixture
@@ -127,7 +126,7 @@ def test_messages_of_libraries_are_notes_printed_once(command, monkeypatch):
     def verb():
         for _ in range(3):
             logging.getLogger("library").warning("no font %s,\n  really", "STIX")
-            warnings.warn("'a' is now called 'b'", Renamed, stacklevel=1)
+            warnings.warn("'a' is now called 'b'", FutureWarning, stacklevel=1)
         logging.getLogger("library").info("not shown")
         logging.getLogger("py.warnings").warning("for developers")
 

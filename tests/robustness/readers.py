@@ -68,7 +68,6 @@ from tests.study.synthetic import SyntheticPlan, record
 MOVINGAI = b"type octile\nheight 3\nwidth 4\nmap\n.@G.\nSTO.\n....\n"
 SCEN = b"version 1\n0\tm.map\t4\t3\t0\t0\t3\t2\t4.24264069\n1\tm.map\t4\t3\t3\t2\t0\t1\t3.41\n"
 CSV = b"food,service\n1,2\n3.5,4e-1\n10,0\n"
-OLD_SCENARIO = Path(__file__).parents[1] / "study" / "data" / "scenario-0.1.0.yaml"
 
 
 @cache
@@ -276,14 +275,12 @@ def _check(robot):
 
 def _scenarios(folder):
     present = _written(folder / "s.yaml", lambda path: save_scenario(paper_scenario(), path))
-    return {"scenario": Reader("s.yaml", (present, OLD_SCENARIO.read_bytes()), _scenario)}
+    return {"scenario": Reader("s.yaml", (present,), _scenario)}
 
 
 def _scenario(path):
     """Read a scenario without permission to load code, and write it."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FutureWarning)
-        scenario = load_scenario(path, allow_code=False)
+    scenario = load_scenario(path, allow_code=False)
     save_scenario(scenario, path.with_name("again.yaml"))
 
 

@@ -166,7 +166,6 @@ def changed(*path, value):
         (changed("controllers", "a", value="mine.py:Law"), "is code that is not installed; if you"),
         (changed("controllers", "a", value="os:system"), "is code that is not installed; if you"),
         (changed("plant", "port", value=1), "plant has no parameter 'port'"),
-        (changed("nmpc", value=3), "nmpc must be a mapping, got 3"),
         (changed("tasks", value=[]), "tasks must hold keys, such as track: ...; got []"),
         (changed("tasks", "track", "f[x]", value=1), "unknown key 'tasks.track.f[x]'"),
         (changed("", value=1), "unknown key ''; there are format, name"),

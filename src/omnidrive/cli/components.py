@@ -51,14 +51,13 @@ def with_controllers(
         label_of_file,
         permitted_controller,
     )
-    from omnidrive.study.former import OLD_CONTROLLERS
     from omnidrive.study.scenario_file import parse_scenario, scenario_data
     from omnidrive.study.scenario_path import allow_named
 
     controllers: dict[str, Any] = {}
     own = scenario_data(scenario)["controllers"]
     for text in texts:
-        given = _current(components.parse_specification(text), OLD_CONTROLLERS)
+        given = components.parse_specification(text)
         if is_controller_file(given.type):
             found = permitted_controller(given.type, CodePermission.of(allow_code))
             label = label_of_file(given.type) if given.label == given.type else given.label
@@ -118,9 +117,7 @@ def plant_data(text: str, present: components.Configured) -> dict[str, Any]:
         present: Plant of the scenario, whose parameters apply to a plant of the same type unless
             another value is given.
     """
-    from omnidrive.study.former import OLD_PLANTS
-
-    given = _current(components.parse_specification(text), OLD_PLANTS)
+    given = components.parse_specification(text)
     same = given.type == present.type
     return _merged(present.plain() if same else {"type": given.type}, given.values)
 
@@ -161,17 +158,6 @@ def chosen_component(group: Group, text: str) -> components.Configured:
         return components.configure(group, given.type, given.values)
     except ValidationError as error:
         raise InvalidInput(f"the {kind} {given.type}: {listed(problems_of(error))}") from None
-
-
-def _current(
-    given: components.Specification, old_names: dict[str, str]
-) -> components.Specification:
-    """Return the specification with the present name of its type."""
-    from omnidrive.study.section import current_name
-
-    name = current_name(given.type, old_names)
-    label = name if given.label == given.type else given.label
-    return components.Specification(label, name, given.values)
 
 
 def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:

@@ -18,15 +18,6 @@ from omnidrive.study.output_paths import POSE_FORMATS
 
 _MAX_LISTED = 10  # queries listed in the text output
 _SEARCH_OPTIONS = {"scenario", "map", "search", "unknown"}  # options that --scen uses
-_JSON_NAMES = {
-    "cells of grid path": "cells on the way",
-    "length of grid path": "length of the way",
-    "wheel force used": "traction used",
-}
-"""Names from which JSON keys are formed, by name in text output, where the two differ.
-
-They are former names, kept so that the JSON keys do not change.
-"""
 
 
 @with_options("plant", "preset", "seed", "estimator")
@@ -123,7 +114,7 @@ def _key(name: str, fact: study.Fact) -> tuple[str, float | str | None]:
     corner, becomes null.
     """
     unit = fact.unit.replace("1/", "per ").replace("/", " per ").replace("%", "percent")
-    return re.sub(r"\W+", "_", f"{_JSON_NAMES.get(name, name)} {unit}".strip()), (
+    return re.sub(r"\W+", "_", f"{name} {unit}".strip()), (
         None if isinstance(fact.value, float) and not isfinite(fact.value) else fact.value
     )
 

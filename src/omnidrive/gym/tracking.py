@@ -26,8 +26,6 @@ from omnidrive.reference import Reference, shortest_duration, time_uniformly
 from omnidrive.robot import Robot, named_robot
 from omnidrive.simulation import PerfectSensors, Plant, PlantState, Sensors
 from omnidrive.study import make_plant, paper_scenario, plan_scenario
-from omnidrive.study.former import OLD_PLANTS
-from omnidrive.study.section import current_name
 
 _BOUNDS = {
     "dt": (Bounds(0.001, 1.0, "s"),),
@@ -268,8 +266,7 @@ def _build_plant(
 ) -> Plant:
     """Build the plant from its name or factory."""
     if isinstance(plant, str):
-        name = current_name(plant, OLD_PLANTS)
-        return make_plant(robot, name, obstacles=obstacles)
+        return make_plant(robot, plant, obstacles=obstacles)
     return plant(robot)
 
 

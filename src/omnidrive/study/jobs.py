@@ -358,6 +358,6 @@ def make_supervisor(scenario: Scenario, robot: Robot) -> SafetySupervisor:
     encoders = scenario.sensors.encoders if scenario.sensors else EncoderSettings()
     return SafetySupervisor(
         robot,
-        Watchdog(limits) if section.on else None,
+        Watchdog(limits) if section.enabled else None,
         WheelMonitor(robot, encoders) if scenario.wheel_monitor else None,
     )

@@ -22,7 +22,7 @@ from omnidrive.planning import PathOptions, Waypoint
 from omnidrive.simulation.components import static_capabilities
 from omnidrive.simulation.disturbances import PLANT_FAULTS
 from omnidrive.simulation.plant import PlantCapabilities
-from omnidrive.study.former import OLD_PLANTS, by_label, without_former_sections
+from omnidrive.study.controller_labels import by_label
 from omnidrive.study.scenario_sections import (
     MapSection,
     RobotSection,
@@ -31,7 +31,7 @@ from omnidrive.study.scenario_sections import (
     WatchdogSection,
     robot_section,
 )
-from omnidrive.study.section import Section, accepts
+from omnidrive.study.section import Section
 from omnidrive.study.tasks import Faults, Tasks, study_tasks
 
 _PAPERS = ("fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc")
@@ -78,7 +78,7 @@ class Scenario(Section):
     """The robot, as far as controllers and estimators know it: a name, or keys."""
     plant_robot: RobotSection | None = None
     """The simulated robot: a name, or keys. None: the same as ``robot``."""
-    plant: Annotated[Configured, OfGroup("plants"), accepts(OLD_PLANTS)] = Field(
+    plant: Annotated[Configured, OfGroup("plants")] = Field(
         default_factory=lambda: configure("plants", "mujoco-rollers")
     )
     """Simulated plant: a name, or `type` and parameters."""
@@ -159,11 +159,6 @@ class Scenario(Section):
             pydantic.ValidationError: A key is unknown, or a value is invalid.
         """
         return type(self).model_validate({**dict(self), **values})
-
-    @model_validator(mode="before")
-    @classmethod
-    def _former_sections(cls, data: Any, info: Any) -> Any:
-        return without_former_sections(data, info) if isinstance(data, dict) else data
 
     @model_validator(mode="before")
     @classmethod

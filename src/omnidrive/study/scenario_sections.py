@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, ClassVar, get_args
+from typing import Annotated, get_args
 
 from pydantic import Field, model_validator
 
@@ -39,8 +38,6 @@ class RobotSection(Section):
     `holonomic-nmpc` predicts the motion. Identify it with :func:`omnidrive.simulation.identify_lag`
     if the difference matters.
     """
-
-    old_keys: ClassVar[Mapping[str, str]] = {"assumed_arm": "assumed_effective_radius"}
 
     name: str
     """Name of an installed robot, or a robot file (.yaml). In a scenario file, its path is relative
@@ -189,7 +186,7 @@ class WatchdogSection(Section):
     See :class:`~omnidrive.control.supervision.WatchdogLimits`.
     """
 
-    on: bool = True
+    enabled: bool = True
     """Whether the watchdog is active."""
     error: Annotated[float, Bounds(0.01, 1e6, "m")] | None = None
     """Distance to the reference, m, in addition to that at the start. None: twice the radius of the

@@ -4,7 +4,6 @@ import json
 import signal
 import subprocess
 import sys
-import warnings
 from time import monotonic, sleep
 
 import pytest
@@ -15,7 +14,6 @@ from omnidrive.robot import named_robot
 from omnidrive.simulation import Outcome
 from omnidrive.study import Tasks, load_scenario, paper_scenario, run_study, save_scenario
 from omnidrive.study.scenario_file import scenario_data
-from omnidrive.study.section import Renamed
 from omnidrive.study.tasks import DurationsTask, StepTask
 from tests.command import omnidrive
 from tests.simulation.coppeliasim.fake_scene import STOPPED
@@ -54,21 +52,13 @@ def test_section_is_restored_from_a_file(tmp_path):
         ("interface: ros", "plant.interface"),
     ],
 )
-@pytest.mark.parametrize("former", [False, True])
-def test_invalid_parameter_is_refused(tmp_path, line, fact, former):
-    """Also in the section `coppeliasim` of former scenarios."""
+def test_invalid_parameter_is_refused(tmp_path, line, fact):
     data = scenario_data(paper_scenario())
-    values = yaml.safe_load(line)
-    if former:
-        data |= {"plant": "coppeliasim", "coppeliasim": values}
-    else:
-        data["plant"] = {"type": "coppeliasim", **values}
+    data["plant"] = {"type": "coppeliasim", **yaml.safe_load(line)}
     file = tmp_path / "scenario.yaml"
     file.write_text(yaml.safe_dump(data))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", Renamed)
-        with pytest.raises(InvalidScenario, match=fact):
-            load_scenario(file)
+    with pytest.raises(InvalidScenario, match=fact):
+        load_scenario(file)
 
 
 @pytest.mark.parametrize("interface", ["joints", "signals"])
