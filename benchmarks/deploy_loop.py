@@ -34,9 +34,9 @@ from omnidrive.deploy.realtime import realtime
 from omnidrive.deploy.scenario_robot import ScenarioRobot, scenario_pipeline
 from omnidrive.evaluation.metrics import position_error
 from omnidrive.reference import Reference
+from omnidrive.scenario.planned_scenario import PlannedScenario, plan_and_check
 from omnidrive.simulation import Run, simulate
 from omnidrive.simulation.run_log import RunLog
-from omnidrive.study.planned_scenario import PlannedScenario, plan_and_check
 
 LAP = 12.6  # s
 SLOW, FAST = 100.0, 500.0  # Hz

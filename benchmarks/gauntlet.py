@@ -41,8 +41,8 @@ from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from omnidrive.cli.options import available_cores
+from omnidrive.execution.worker_pool import Call, Lost, WorkerPool
 from omnidrive.robot import ROBOTS
-from omnidrive.study.worker_pool import Call, Lost, WorkerPool
 
 OUT = Path(__file__).parent / "out"
 STUDY = Path(__file__).parent / "gauntlet_study.csv"

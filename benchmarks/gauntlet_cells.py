@@ -27,11 +27,11 @@ from omnidrive.evaluation import step_response
 from omnidrive.evaluation.metrics import heading_error, position_error
 from omnidrive.geometry import Pose
 from omnidrive.robot import ROBOTS
+from omnidrive.scenario import paper_scenario
+from omnidrive.scenario.jobs import Job, jobs_of, run_job
+from omnidrive.scenario.planned_scenario import plan_and_check
+from omnidrive.scenario.scenario import DEFAULT_CONTROLLERS
 from omnidrive.simulation import FAULTS, Outcome, Run, Schedule, simulate
-from omnidrive.study import paper_scenario
-from omnidrive.study.jobs import Job, jobs_of, run_job
-from omnidrive.study.planned_scenario import plan_and_check
-from omnidrive.study.scenario import DEFAULT_CONTROLLERS
 
 RECOMMENDED = "holonomic-nmpc"
 CONTROLLERS = DEFAULT_CONTROLLERS["recommended"]

@@ -21,8 +21,8 @@ from s_path import SPath
 from omnidrive.control import FeedforwardController
 from omnidrive.geometry import BodyTwist, Pose, twist_between
 from omnidrive.robot import ROBOTS, Robot
+from omnidrive.scenario import make_plant
 from omnidrive.simulation import MujocoPlant, Plant, identify_lag, simulate, simulate_commands
-from omnidrive.study import make_plant
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 PLANTS = ("mujoco-rollers", "mujoco-balls", "planar", "kinematic")

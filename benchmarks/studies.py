@@ -12,13 +12,14 @@ from time import perf_counter, process_time
 
 from figures import at_least, at_most, publish, row
 
-from omnidrive.study import paper_scenario, parse_definition, run_experiment
+from omnidrive.scenario import paper_scenario
+from omnidrive.scenario.jobs import Job
+from omnidrive.scenario.scenario_file import scenario_data
+from omnidrive.scenario.tasks import NoiseTask, Tasks
+from omnidrive.study import parse_definition, run_experiment
 from omnidrive.study.experiment import Experiment, Progress
-from omnidrive.study.jobs import Job
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_record import RunRecord
-from omnidrive.study.scenario_file import scenario_data
-from omnidrive.study.tasks import NoiseTask, Tasks
 
 EACH = 0.002  # s of processor time of a run of the benchmark of the engine
 SECONDS = 8.0  # of work, after the first blocks

@@ -11,7 +11,8 @@ from figures import at_most, publish, row
 
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import ROBOTS
-from omnidrive.study import make_plant, paper_scenario, run_study
+from omnidrive.scenario import make_plant, paper_scenario
+from omnidrive.study import run_study
 
 ROUNDS = 5
 SECONDS = 4.0  # simulated per round

@@ -68,7 +68,7 @@ WRITERS = {
     "cli/main.py": "closed standard streams",
     "deploy/attached_files.py": "files of a log, in a folder that ends when they are read",
     "study/store_opening.py": "second name of a damaged database, and its log",
-    "study/worker_pool.py": "messages between processes, in a folder that ends with them",
+    "execution/worker_pool.py": "messages between processes, in a folder that ends with them",
 }
 """Files that write by themselves, and what."""
 

@@ -40,6 +40,7 @@ PACKAGES = {
     "omnidrive.evaluation": "Evaluation",
     "omnidrive.evaluation.figures": "Figures",
     "omnidrive.visualization": "Films and viewer",
+    "omnidrive.scenario": "Scenarios",
     "omnidrive.study": "Studies",
     "omnidrive.deploy": "On the robot",
     "omnidrive.gym": "Gymnasium",

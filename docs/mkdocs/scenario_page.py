@@ -14,7 +14,7 @@ import yaml
 
 from omnidrive.choices import FaultKind
 from omnidrive.components.entry_points import GROUPS, distribution_of, entries_of
-from omnidrive.study.scenario_schema import scenario_schema
+from omnidrive.scenario.schema import scenario_schema
 
 PAGE = Path(__file__).parents[1] / "scenario.md"
 INTRODUCTION = """# Scenario files

@@ -43,6 +43,7 @@ from .reference import (
     time_within_limits,
 )
 from .robot import Chassis, Robot, load_robot, named_robot, save_robot
+from .scenario import Scenario, load_scenario, paper_scenario
 from .simulation import (
     KinematicPlant,
     MujocoPlant,
@@ -63,7 +64,7 @@ from .simulation import (
     simulate_commands,
 )
 from .simulation.components import PlantContext
-from .study import Scenario, Study, load_scenario, paper_scenario, run_study
+from .study import Study, run_study
 from .visualization import Observer, Recorder, Recording, Viewer, film, observe, replay
 
 __all__ = [

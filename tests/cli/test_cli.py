@@ -12,8 +12,9 @@ from omnidrive.cli.components import with_controllers
 from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.errors import InvalidInput, InvalidScenario
 from omnidrive.robot import load_robot
-from omnidrive.study import load_scenario, paper_scenario, run_study, save_scenario
-from omnidrive.study.scenario_file import scenario_data
+from omnidrive.scenario import load_scenario, paper_scenario, save_scenario
+from omnidrive.scenario.scenario_file import scenario_data
+from omnidrive.study import run_study
 from tests.command import omnidrive
 from tests.shared_data import shared
 

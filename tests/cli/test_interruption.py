@@ -13,7 +13,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from omnidrive.study import load_scenario
+from omnidrive.scenario import load_scenario
 
 PROC = Path("/proc")
 TIMEOUT = 200  # s; the steps take two seconds on an idle desktop computer

@@ -9,7 +9,7 @@ from omnidrive.cli.main import VERBS, load_verb
 
 HEAVY = (
     "numba", "numpy", "scipy", "mujoco", "matplotlib", "pyarrow", "yaml", "jaxtyping",
-    "omnidrive.study.scenario",
+    "omnidrive.scenario.scenario",
 )  # fmt: skip
 """Modules that take long to import; typer itself imports pydantic."""
 SUBVERBS = [

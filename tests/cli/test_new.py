@@ -7,7 +7,8 @@ import sys
 import pytest
 
 from omnidrive.components import find_component
-from omnidrive.study import paper_scenario, run_study
+from omnidrive.scenario import paper_scenario
+from omnidrive.study import run_study
 from tests.command import omnidrive
 
 

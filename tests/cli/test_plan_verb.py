@@ -16,13 +16,8 @@ from omnidrive.errors import CannotWrite, InvalidInput, NoPathFound, OmnidriveEr
 from omnidrive.maps import OccupancyGrid, load_map, load_queries, save_nav2_map
 from omnidrive.reference import MotionLimits, limit_rows, limit_usage, load_waypoints
 from omnidrive.robot import named_robot
-from omnidrive.study import (
-    check_plan_targets,
-    load_scenario,
-    paper_scenario,
-    plan_and_check,
-    solve_queries,
-)
+from omnidrive.scenario import load_scenario, paper_scenario, plan_and_check
+from omnidrive.study import check_plan_targets, solve_queries
 from tests.shared_data import shared
 
 SCENARIOS = ("maze-32-32-4", "random-32-32-20", "room-64-64-8", "warehouse-10-20-10-2-1")

@@ -11,7 +11,7 @@ from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.errors import InvalidInput, InvalidScenario
 from omnidrive.maps import OccupancyGrid, save_nav2_map
 from omnidrive.reference import Circle, ShapeReference, save_waypoints
-from omnidrive.study import paper_scenario, plan_and_check, save_scenario
+from omnidrive.scenario import paper_scenario, plan_and_check, save_scenario
 
 
 @pytest.fixture

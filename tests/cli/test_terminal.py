@@ -105,7 +105,7 @@ def test_compiling_is_noted_once(command, monkeypatch, verb):
                 pass
         raise InvalidInput("enough")
 
-    monkeypatch.setattr("omnidrive.study.plan_and_check", compiling)
+    monkeypatch.setattr("omnidrive.scenario.plan_and_check", compiling)
     monkeypatch.setattr(import_module("omnidrive.study.study"), "plan_and_check", compiling)
     status, _, err = command(verb)
     assert (status, err.count("enough"), err.count("note: compiling")) == (2, 1, 1)

@@ -5,8 +5,8 @@ import os
 import pytest
 from PIL import Image
 
-from omnidrive.study import paper_scenario, save_scenario
-from omnidrive.study.tasks import StepTask
+from omnidrive.scenario import paper_scenario, save_scenario
+from omnidrive.scenario.tasks import StepTask
 from tests.command import omnidrive
 
 QUICK = ["run", "--plant", "kinematic", "--controller", "feedforward", "--out", "here"]

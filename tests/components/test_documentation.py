@@ -11,7 +11,7 @@ from omnidrive.control import HolonomicParameters
 from omnidrive.estimation import PoseFixSettings
 from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions
-from omnidrive.study import Scenario
+from omnidrive.scenario import Scenario
 
 
 class Gains(NamedTuple):

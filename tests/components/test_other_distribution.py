@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from omnidrive.components import GROUPS
-from omnidrive.study import paper_scenario
-from omnidrive.study.scenario_file import scenario_data
+from omnidrive.scenario import paper_scenario
+from omnidrive.scenario.scenario_file import scenario_data
 from tests.components.distribution import WITHOUT_FIGURES, environment_with, install, run_python
 
 CODE = '''

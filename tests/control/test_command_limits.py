@@ -11,13 +11,13 @@ from omnidrive.control.components import ControllerContext
 from omnidrive.control.nmpc.unicycle import PRESETS, robot_limits, tracking_problem
 from omnidrive.control.pid import classical_pid
 from omnidrive.evaluation.robot_summary import RobotSummary
+from omnidrive.execution.engine import log_new
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold, ShapeReference
 from omnidrive.reference.shapes import Circle
 from omnidrive.robot import ROBOTS, named_robot
 from omnidrive.simulation import KinematicPlant, Outcome, simulate
 from omnidrive.simulation.run_log import warn_once
-from omnidrive.study.engine import log_new
 
 DT = 0.1
 PAPER = named_robot("paper")

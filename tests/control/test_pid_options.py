@@ -15,8 +15,8 @@ from omnidrive.errors import InvalidInput
 from omnidrive.estimation import State
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
-from omnidrive.study import paper_scenario
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from omnidrive.scenario import paper_scenario
+from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
 
 PRESETS = ("paper", "published-code", "recommended")
 KINDS = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3")

@@ -32,9 +32,9 @@ from omnidrive.reference import (
     UniformReference,
 )
 from omnidrive.robot import named_robot
+from omnidrive.scenario.planned_scenario import plan_scenario
+from omnidrive.scenario.scenario import paper_scenario
 from omnidrive.simulation import KinematicPlant, Outcome, PlanarPlant, simulate
-from omnidrive.study.planned_scenario import plan_scenario
-from omnidrive.study.scenario import paper_scenario
 
 KIWI = named_robot("kiwi")
 STILL = Pose(0.0, 0.0, 0.0)

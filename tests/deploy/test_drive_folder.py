@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from omnidrive import FeedforwardController, KinematicPlant, PerfectSensors, study
+from omnidrive import scenario as scenarios
 from omnidrive.cli.components import one_run
 from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.control import Pipeline
@@ -26,7 +27,7 @@ def planned():
     chosen = ScenarioOptions(reference="circle,radius=0.5", robot="small", plant="kinematic")
     resolved = chosen.resolve().model_copy(update={"sample_time": 1.0 / RATE})
     scenario = one_run(resolved, "feedforward", "track", None)
-    return study.plan_and_check(scenario)
+    return scenarios.plan_and_check(scenario)
 
 
 def driven(planned, controls=None):

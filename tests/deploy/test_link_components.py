@@ -9,7 +9,7 @@ from omnidrive.deploy.links.components import LinkContext
 from omnidrive.deploy.robot_link import RobotLink
 from omnidrive.deploy.scenario_robot import scenario_pipeline, without_pose_fixes
 from omnidrive.errors import InvalidInput
-from omnidrive.study import Scenario, plan_and_check
+from omnidrive.scenario import Scenario, plan_and_check
 
 TEXTS = {
     "simulated": "simulated,latency=0.02,jitter=0.005,noise=true",

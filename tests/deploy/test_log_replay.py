@@ -22,7 +22,8 @@ from omnidrive.deploy.scenario_robot import ScenarioRobot, scenario_pipeline
 from omnidrive.errors import InvalidInput, InvalidLog
 from omnidrive.evaluation.figures.command_difference import command_difference
 from omnidrive.geometry import BodyTwist
-from omnidrive.study import RunFolder, Scenario, plan_and_check, planned_duration
+from omnidrive.scenario import Scenario, plan_and_check
+from omnidrive.study import RunFolder, planned_duration
 
 SCENARIO = {
     "name": "eight",

@@ -26,8 +26,9 @@ from omnidrive.cli.main import app, load_verb
 from omnidrive.components import code as named_code
 from omnidrive.errors import CannotDraw, OmnidriveError
 from omnidrive.robot import named_robot
-from omnidrive.study import load_scenario, paper_scenario, study
-from omnidrive.study.scenario_file import scenario_data
+from omnidrive.scenario import load_scenario, paper_scenario
+from omnidrive.scenario.scenario_file import scenario_data
+from omnidrive.study import study
 from tests.docs.blocks import ROOT, Block, blocks
 from tests.simulation.coppeliasim.fake_server import fake_server
 

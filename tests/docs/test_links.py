@@ -6,7 +6,7 @@ import tomllib
 import pytest
 import yaml
 
-from omnidrive.study.scenario import DEFAULT_CONTROLLERS
+from omnidrive.scenario.scenario import DEFAULT_CONTROLLERS
 from tests.docs.blocks import PAGES, ROOT
 
 LINKED = [*PAGES, ROOT / "CHANGELOG.md"]

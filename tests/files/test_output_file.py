@@ -21,9 +21,10 @@ from omnidrive.maps import paper_map, save_nav2_map
 from omnidrive.planning import Path as PosePath
 from omnidrive.reference.waypoints import save_waypoints
 from omnidrive.robot import named_robot, save_robot
+from omnidrive.scenario import paper_scenario, save_scenario
 from omnidrive.simulation.log_columns import LogColumn
 from omnidrive.simulation.log_file import save_log
-from omnidrive.study import RunFolder, paper_scenario, save_scenario
+from omnidrive.study import RunFolder
 from tests.files.power_failure import TORN, contents_after_failure, recorded_disk
 
 

@@ -11,7 +11,7 @@ from omnidrive.components.entry_points import entries_of
 from omnidrive.errors import InvalidInput, InvalidMap
 from omnidrive.maps import OccupancyGrid, is_named_map, load_map, save_nav2_map
 from omnidrive.planning import Waypoint
-from omnidrive.study import load_scenario, map_scenario, plan_scenario, save_scenario
+from omnidrive.scenario import load_scenario, map_scenario, plan_scenario, save_scenario
 from tests.components.distribution import install
 
 CODE = """

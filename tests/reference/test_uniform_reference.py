@@ -16,7 +16,7 @@ from omnidrive.reference import (
     wheel_speed_used,
 )
 from omnidrive.robot import named_robot
-from omnidrive.study import paper_scenario, plan_and_check
+from omnidrive.scenario import paper_scenario, plan_and_check
 from tests.shared_data import shared_table
 
 PREPARED = plan_and_check(paper_scenario())

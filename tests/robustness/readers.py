@@ -40,16 +40,10 @@ from omnidrive.reference.waypoint_reference import waypoint_reference
 from omnidrive.reference.waypoints import save_waypoints
 from omnidrive.robot import load_robot, named_robot, save_robot
 from omnidrive.robot.imports import import_robot
+from omnidrive.scenario import load_scenario, paper_scenario, save_scenario
+from omnidrive.scenario.controller_file import load_controller
 from omnidrive.simulation.identification import identify_robot, read_log
-from omnidrive.study import (
-    StudyDefinition,
-    load_definition,
-    load_scenario,
-    paper_scenario,
-    save_definition,
-    save_scenario,
-)
-from omnidrive.study.controller_file import load_controller
+from omnidrive.study import StudyDefinition, load_definition, save_definition
 from omnidrive.study.store import Store
 from omnidrive.study.stored_study import read_study
 from omnidrive.tuning import load_tuning

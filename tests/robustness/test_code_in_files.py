@@ -26,9 +26,10 @@ from omnidrive.geometry import Pose
 from omnidrive.maps import load_map
 from omnidrive.reference.components import ReferenceContext
 from omnidrive.robot import named_robot
-from omnidrive.study import load_definition, load_scenario, read_study
-from omnidrive.study.scenario_file import scenario_data
-from omnidrive.study.scenario_path import code_in
+from omnidrive.scenario import load_scenario
+from omnidrive.scenario.scenario_file import scenario_data
+from omnidrive.scenario.scenario_path import code_in
+from omnidrive.study import load_definition, read_study
 from omnidrive.study.study_folder import load_study
 from omnidrive.tuning import load_tuning
 from tests.command import omnidrive
@@ -279,7 +280,7 @@ import sys
 sys.path[:] = [each for each in sys.path if each]
 import operator
 from functools import partial
-from omnidrive.study.worker_pool import Call, WorkerPool
+from omnidrive.execution.worker_pool import Call, WorkerPool
 with WorkerPool(1, int) as pool:
     print(list(pool.outcomes([Call("sum", partial(operator.add, 1, 2))])))
 """

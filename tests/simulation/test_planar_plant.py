@@ -12,6 +12,7 @@ from omnidrive.control import WheelSpeeds
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.robot import GRAVITY, ROBOTS, Robot, named_robot
+from omnidrive.scenario import make_plant
 from omnidrive.simulation import (
     DisturbablePlant,
     Disturbances,
@@ -26,7 +27,6 @@ from omnidrive.simulation import (
 )
 from omnidrive.simulation.mujoco.robot_model import robot_mjcf
 from omnidrive.simulation.planar.model import mass_matrix, planar_model
-from omnidrive.study import make_plant
 from tests.simulation.test_mujoco_plant import full_inertia
 
 ORIGIN, STILL = Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)

@@ -1,7 +1,7 @@
 """Scenarios whose studies take a few seconds."""
 
-from omnidrive.study import paper_scenario
-from omnidrive.study.tasks import DurationsTask, HorizonTask, NoiseTask, StepTask, Tasks
+from omnidrive.scenario import paper_scenario
+from omnidrive.scenario.tasks import DurationsTask, HorizonTask, NoiseTask, StepTask, Tasks
 
 
 def small_scenario(**changes):

@@ -12,7 +12,7 @@ from time import sleep
 
 import pyarrow as pa
 
-from omnidrive.study.jobs import Job
+from omnidrive.scenario.jobs import Job
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import relabelled

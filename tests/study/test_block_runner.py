@@ -226,7 +226,7 @@ def test_nearest_points_of_many_runs_are_those_of_each():
 
 def test_metrics_of_one_run_are_those_of_many():
     from omnidrive.evaluation.metrics import LoggedRuns, measure_many
-    from omnidrive.study import plan_and_check, run_job
+    from omnidrive.scenario import plan_and_check, run_job
 
     plan = plan_of({"noise": {"durations": [10]}}, controllers=["feedforward"])
     planned = plan_and_check(plan[0].scenario)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from omnidrive.estimation import PoseFixSettings
+from omnidrive.scenario import Job, SensorsSection, paper_scenario, plan_and_check, run_job
 from omnidrive.simulation import Outcome
-from omnidrive.study import Job, SensorsSection, paper_scenario, plan_and_check, run_job
 
 pytestmark = pytest.mark.long
 

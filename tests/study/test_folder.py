@@ -13,10 +13,11 @@ from omnidrive.cli.terminal import conclude
 from omnidrive.errors import CannotWrite, RunFailed
 from omnidrive.evaluation.figures import catalogue, write_figures
 from omnidrive.files import output_file
+from omnidrive.scenario import run_job
+from omnidrive.scenario.jobs import unfinished
+from omnidrive.scenario.tasks import DurationsTask, StepTask, Tasks
 from omnidrive.simulation import Outcome
-from omnidrive.study import RunFolder, check_figure, check_new_folder, run_job, run_study
-from omnidrive.study.jobs import unfinished
-from omnidrive.study.tasks import DurationsTask, StepTask, Tasks
+from omnidrive.study import RunFolder, check_figure, check_new_folder, run_study
 from tests.study.small import small_scenario
 
 STEP = small_scenario(

@@ -8,10 +8,10 @@ import pytest
 from omnidrive.evaluation import measure
 from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.reference import Setpoint
+from omnidrive.scenario import paper_scenario, plan_and_check
+from omnidrive.scenario.jobs import make_controller
+from omnidrive.scenario.plants import make_plant
 from omnidrive.simulation import simulate
-from omnidrive.study import paper_scenario, plan_and_check
-from omnidrive.study.jobs import make_controller
-from omnidrive.study.plants import make_plant
 
 LAWS = {
     "quintic": lambda s: s**3 * (10.0 - s * (15.0 - 6.0 * s)),

@@ -10,13 +10,13 @@ from time import sleep
 import pytest
 
 from omnidrive.compiled.compilation import reported
+from omnidrive.scenario.jobs import Job, job_name, jobs_of, unfinished
+from omnidrive.scenario.planned_scenario import plan_and_check
+from omnidrive.scenario.tasks import DurationsTask, FaultsTask, NoiseTask, Tasks
 from omnidrive.simulation import Outcome
 from omnidrive.study import job_execution
 from omnidrive.study.job_execution import execute_jobs, is_sequential
-from omnidrive.study.jobs import Job, job_name, jobs_of, unfinished
-from omnidrive.study.planned_scenario import plan_and_check
 from omnidrive.study.study import NullProgress, run_study
-from omnidrive.study.tasks import DurationsTask, FaultsTask, NoiseTask, Tasks
 from tests.study.processes import workers
 from tests.study.small import small_scenario
 

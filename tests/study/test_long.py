@@ -9,8 +9,7 @@ from omnidrive.evaluation import measure
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
 from omnidrive.geometry import move
 from omnidrive.planning import Waypoint
-from omnidrive.simulation import MujocoPlant, Outcome, simulate
-from omnidrive.study import (
+from omnidrive.scenario import (
     Job,
     jobs_of,
     make_controller,
@@ -19,8 +18,9 @@ from omnidrive.study import (
     plan_and_check,
     retime,
     run_job,
-    run_study,
 )
+from omnidrive.simulation import MujocoPlant, Outcome, simulate
+from omnidrive.study import run_study
 from tests.shared_data import shared
 
 pytestmark = pytest.mark.long

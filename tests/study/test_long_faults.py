@@ -2,9 +2,10 @@
 
 import pytest
 
+from omnidrive.scenario import jobs_of, paper_scenario, plan_and_check, run_job
+from omnidrive.scenario.tasks import DurationsTask, FaultsTask, Tasks
 from omnidrive.simulation import Outcome, parse_fault
-from omnidrive.study import jobs_of, paper_scenario, plan_and_check, run_job, run_study
-from omnidrive.study.tasks import DurationsTask, FaultsTask, Tasks
+from omnidrive.study import run_study
 
 pytestmark = pytest.mark.long
 

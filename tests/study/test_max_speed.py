@@ -12,8 +12,8 @@ from omnidrive.errors import InvalidInput, InvalidReference, InvalidScenario
 from omnidrive.planning import Path
 from omnidrive.reference import RetimedReference, TimedReference, save_waypoints
 from omnidrive.reference.sampled_reference import SampledReference
-from omnidrive.study import paper_scenario, plan_and_check, plan_at, retime
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from omnidrive.scenario import paper_scenario, plan_and_check, plan_at, retime
+from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
 from tests.study.small import small_scenario
 
 

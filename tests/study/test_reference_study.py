@@ -5,8 +5,8 @@ from functools import cache
 import pytest
 
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
+from omnidrive.scenario import Job, jobs_of, paper_scenario, plan_and_check, run_job
 from omnidrive.simulation import Outcome
-from omnidrive.study import Job, jobs_of, paper_scenario, plan_and_check, run_job
 
 RECOMMENDED = {20.0: (0.0044, 0.0031), 30.0: (0.00135, 0.00105)}
 RECOMMENDED_PID = {20.0: (0.007, 0.006), 30.0: (0.0025, 0.002)}

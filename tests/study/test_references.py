@@ -20,16 +20,10 @@ from omnidrive.reference import (
     save_waypoints,
 )
 from omnidrive.reference.shapes import Circle, Eight
-from omnidrive.study import (
-    load_scenario,
-    paper_scenario,
-    plan_and_check,
-    plan_at,
-    retime,
-    run_study,
-)
+from omnidrive.scenario import load_scenario, paper_scenario, plan_and_check, plan_at, retime
+from omnidrive.scenario.scenario_file import parse_scenario, save_scenario, scenario_data
+from omnidrive.study import run_study
 from omnidrive.study.plan import plan_facts, save_plan
-from omnidrive.study.scenario_file import parse_scenario, save_scenario, scenario_data
 from tests.study.small import small_scenario
 
 SHAPES = ("circle", "eight", "square", "raised-cosine", "slalom", "random-smooth")

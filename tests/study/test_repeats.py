@@ -7,7 +7,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from omnidrive.study import Job, jobs_of, one_task, plan_and_check, retime, run_job, run_study
+from omnidrive.scenario import Job, jobs_of, one_task, plan_and_check, retime, run_job
+from omnidrive.study import run_study
 from tests.study.small import noise_scenario, small_scenario
 from tests.study.test_study import numbers
 

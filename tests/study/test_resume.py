@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 
 from omnidrive.errors import CannotWrite
-from omnidrive.study import load_scenario, run_study
+from omnidrive.scenario import load_scenario
+from omnidrive.scenario.jobs import jobs_of, run_job
+from omnidrive.scenario.planned_scenario import plan_and_check
+from omnidrive.scenario.sections import SensorsSection
+from omnidrive.scenario.tasks import DurationsTask, FaultsTask, NoiseTask, StepTask, Tasks
+from omnidrive.study import run_study
 from omnidrive.study.folder import RunFolder
-from omnidrive.study.jobs import jobs_of, run_job
 from omnidrive.study.output_paths import check_study_folder
-from omnidrive.study.planned_scenario import plan_and_check
-from omnidrive.study.scenario_sections import SensorsSection
 from omnidrive.study.stored_runs import StoredRuns
 from omnidrive.study.study import NullProgress
-from omnidrive.study.tasks import DurationsTask, FaultsTask, NoiseTask, StepTask, Tasks
 from tests.study.small import small_scenario
 
 SHORT = small_scenario(

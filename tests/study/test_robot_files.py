@@ -6,16 +6,16 @@ import pytest
 
 from omnidrive.errors import InvalidRobot, InvalidScenario
 from omnidrive.robot import load_robot, named_robot, save_robot
-from omnidrive.study import (
+from omnidrive.scenario import (
     RobotSection,
     load_scenario,
     paper_scenario,
     plan_scenario,
-    run_study,
     save_scenario,
 )
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
-from omnidrive.study.scenario_sections import robot_of
+from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
+from omnidrive.scenario.sections import robot_of
+from omnidrive.study import run_study
 
 BASE = replace(named_robot("small"), name="my base", mass=12.5, com=(0.01, 0.0))
 

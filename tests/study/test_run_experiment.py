@@ -7,12 +7,12 @@ import pytest
 
 from omnidrive.errors import CannotWrite, InvalidStore, InvalidStudy
 from omnidrive.evaluation.stop_rule import StopRule
+from omnidrive.scenario.scenario_file import scenario_data
+from omnidrive.scenario.tasks import NoiseTask, StepTask, Tasks
 from omnidrive.study import parse_definition
 from omnidrive.study.run_experiment import run_experiment
-from omnidrive.study.scenario_file import scenario_data
 from omnidrive.study.store import Store
 from omnidrive.study.study_folder import load_study
-from omnidrive.study.tasks import NoiseTask, StepTask, Tasks
 from tests.study.small import small_scenario
 from tests.study.synthetic import table_bytes
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from omnidrive.errors import InvalidStudy
-from omnidrive.study import RunPlan, StudyDefinition, check_size, jobs_of, parse_definition
+from omnidrive.scenario import jobs_of
+from omnidrive.study import RunPlan, StudyDefinition, check_size, parse_definition
 from omnidrive.study.random_factors import RandomFactors, parse_factor, repetition_seed
 from tests.study.small import noise_scenario, small_scenario
 

@@ -15,7 +15,8 @@ from typer.testing import CliRunner
 from omnidrive.cli.main import app
 from omnidrive.errors import InvalidInput, OmnidriveError
 from omnidrive.files.output_file import _COMPUTER
-from omnidrive.study import RunPlan, parse_definition, save_definition, save_scenario
+from omnidrive.scenario import save_scenario
+from omnidrive.study import RunPlan, parse_definition, save_definition
 from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import relabelled
 from omnidrive.study.setup_facts import setup_facts

@@ -10,10 +10,11 @@ import pytest
 from omnidrive.errors import CannotWrite, InvalidReference
 from omnidrive.estimation.drive_estimate import DRIVE_UNITS
 from omnidrive.evaluation import write_figures
-from omnidrive.study import load_scenario, paper_scenario, run_study, study_tasks
-from omnidrive.study.jobs import jobs_of
-from omnidrive.study.scenario_sections import MapSection, TimingSection
-from omnidrive.study.tasks import DurationsTask, StepTask, Tasks
+from omnidrive.scenario import load_scenario, paper_scenario, study_tasks
+from omnidrive.scenario.jobs import jobs_of
+from omnidrive.scenario.sections import MapSection, TimingSection
+from omnidrive.scenario.tasks import DurationsTask, StepTask, Tasks
+from omnidrive.study import run_study
 from tests.study.small import small_scenario
 
 NOT_REPRODUCIBLE = {"step_time_us", "timing_s"}

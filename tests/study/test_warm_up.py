@@ -6,9 +6,9 @@ import pytest
 
 from omnidrive.compiled import cache_folder
 from omnidrive.errors import CannotWrite, RunFailed
+from omnidrive.execution.worker_pool import Lost, WorkerPool
 from omnidrive.study import warm_up
 from omnidrive.study.study import NullProgress
-from omnidrive.study.worker_pool import Lost, WorkerPool
 
 
 class Log(NullProgress):

@@ -15,8 +15,7 @@ from omnidrive.estimation import (
 )
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import named_robot
-from omnidrive.simulation import Outcome, PaperNoise, PerfectSensors, PlantState, SensorSuite
-from omnidrive.study import (
+from omnidrive.scenario import (
     Job,
     SensorsSection,
     load_scenario,
@@ -28,8 +27,9 @@ from omnidrive.study import (
     run_job,
     save_scenario,
 )
-from omnidrive.study.scenario_sections import robot_of
-from omnidrive.study.tasks import NoiseTask, Tasks
+from omnidrive.scenario.sections import robot_of
+from omnidrive.scenario.tasks import NoiseTask, Tasks
+from omnidrive.simulation import Outcome, PaperNoise, PerfectSensors, PlantState, SensorSuite
 from tests.estimates import Perception
 from tests.study.small import small_scenario
 

@@ -9,20 +9,20 @@ import pytest
 from omnidrive.cli.main import load_verb
 from omnidrive.errors import InvalidInput, InvalidScenario
 from omnidrive.evaluation import recovery
-from omnidrive.simulation import FAULTS, Outcome, default_faults, parse_fault
-from omnidrive.study import (
+from omnidrive.scenario import (
     faults_of,
     load_scenario,
     paper_scenario,
     plan_and_check,
-    run_study,
     save_scenario,
 )
-from omnidrive.study.jobs import jobs_of
+from omnidrive.scenario.jobs import jobs_of
+from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
+from omnidrive.scenario.sections import WatchdogSection
+from omnidrive.scenario.tasks import FaultsTask, Tasks
+from omnidrive.simulation import FAULTS, Outcome, default_faults, parse_fault
+from omnidrive.study import run_study
 from omnidrive.study.results_data import results_data
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
-from omnidrive.study.scenario_sections import WatchdogSection
-from omnidrive.study.tasks import FaultsTask, Tasks
 from tests.study.small import small_scenario
 
 

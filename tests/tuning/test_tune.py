@@ -12,15 +12,9 @@ from pathlib import Path
 import pytest
 
 from omnidrive.errors import CannotWrite, InvalidInput
-from omnidrive.study import (
-    RunPlan,
-    Scenario,
-    StudyDefinition,
-    load_definition,
-    plan_at,
-    save_scenario,
-)
-from omnidrive.study.controller_file import load_controller
+from omnidrive.scenario import Scenario, plan_at, save_scenario
+from omnidrive.scenario.controller_file import load_controller
+from omnidrive.study import RunPlan, StudyDefinition, load_definition
 from omnidrive.study.store import Store
 from omnidrive.tuning import (
     Tuning,

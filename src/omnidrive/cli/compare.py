@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, get_args
 
+from omnidrive import scenario as scenarios
 from omnidrive import study
 from omnidrive.choices import TaskName
 from omnidrive.cli.completion import several_components, some_of
@@ -134,13 +135,13 @@ def compare(
 
 
 def _restrict(
-    scenario: study.Scenario,
+    scenario: scenarios.Scenario,
     controllers: Sequence[str],
     tasks: str | None,
     noise_seeds: int | None,
     *,
     allow_code: bool,
-) -> study.Scenario:
+) -> scenarios.Scenario:
     """Return the scenario with the selected controllers and tasks and the number of seeds."""
     changes: dict[str, object] = {}
     if controllers:
@@ -148,7 +149,7 @@ def _restrict(
     if tasks is not None:
         names = get_args(TaskName)
         selected = choose_many("task", tasks, names)
-        scenario = study.with_task(scenario, selected)
+        scenario = scenarios.with_task(scenario, selected)
         kept = {name: getattr(scenario.tasks, name) if name in selected else None for name in names}
         if not any(kept.values()):
             raise InvalidInput(f"the scenario does not contain these tasks: {', '.join(selected)}")
@@ -163,9 +164,9 @@ def _restrict(
     return scenario if noise_seeds is None else _with_repeats(scenario, noise_seeds)
 
 
-def _with_repeats(scenario: study.Scenario, seeds: int) -> study.Scenario:
+def _with_repeats(scenario: scenarios.Scenario, seeds: int) -> scenarios.Scenario:
     """Return the scenario with the task `noise` repeated for ``seeds`` seeds."""
-    from omnidrive.study.scenario_file import parse_scenario, scenario_data
+    from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
 
     data = scenario_data(scenario)
     if data["tasks"]["noise"] is None:

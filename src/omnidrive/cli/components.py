@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
-from omnidrive import components, study
+from omnidrive import components
+from omnidrive import scenario as scenarios
 from omnidrive.choices import WAYPOINTS, TaskName
 from omnidrive.cli.completion import component
 from omnidrive.cli.options import RUN_PANEL, choose_one, option
@@ -31,8 +32,8 @@ RUN_TASKS = tuple(name for name in get_args(TaskName) if name != "horizon")
 
 
 def with_controllers(
-    scenario: study.Scenario, texts: Sequence[str], *, allow_code: bool = False
-) -> study.Scenario:
+    scenario: scenarios.Scenario, texts: Sequence[str], *, allow_code: bool = False
+) -> scenarios.Scenario:
     """Return the scenario with these controllers only.
 
     Args:
@@ -46,13 +47,13 @@ def with_controllers(
         InvalidInput: A controller does not exist, a value is invalid, or two labels are alike.
     """
     from omnidrive.components.code import CodePermission
-    from omnidrive.study.controller_file import (
+    from omnidrive.scenario.controller_file import (
         is_controller_file,
         label_of_file,
         permitted_controller,
     )
-    from omnidrive.study.scenario_file import parse_scenario, scenario_data
-    from omnidrive.study.scenario_path import allow_named
+    from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
+    from omnidrive.scenario.scenario_path import allow_named
 
     controllers: dict[str, Any] = {}
     own = scenario_data(scenario)["controllers"]
@@ -77,13 +78,13 @@ def with_controllers(
 
 
 def one_run(
-    scenario: study.Scenario,
+    scenario: scenarios.Scenario,
     controller: str,
     task: str,
     horizon: int | None,
     *,
     allow_code: bool = False,
-) -> study.Scenario:
+) -> scenarios.Scenario:
     """Return the scenario with one controller and the first duration of one task.
 
     Args:
@@ -105,7 +106,7 @@ def one_run(
                 f"--horizon applies to controllers with the parameter horizon, not to {label}"
             )
         scenario = with_controllers(scenario, [f"{label},horizon={horizon}"], allow_code=allow_code)
-    tasks = study.one_task(study.with_task(scenario, [chosen]).tasks, chosen)
+    tasks = scenarios.one_task(scenarios.with_task(scenario, [chosen]).tasks, chosen)
     return scenario.model_copy(update={"tasks": tasks})
 
 
@@ -148,7 +149,7 @@ def chosen_component(group: Group, text: str) -> components.Configured:
     """
     from pydantic import ValidationError
 
-    from omnidrive.study.scenario_file import listed, problems_of
+    from omnidrive.scenario.scenario_file import listed, problems_of
 
     given = components.parse_specification(text)
     kind = noun(group)

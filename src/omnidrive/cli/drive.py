@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated
 
+from omnidrive import scenario as scenarios
 from omnidrive import study
 from omnidrive.cli.completion import component
 from omnidrive.cli.components import ControllerOption, chosen_component, one_run
@@ -74,7 +75,7 @@ def drive(
     chosen = chosen_component("links", link)
     given = one_run(shared.resolve(), controller, "track", None, allow_code=shared.allow_code)
     scenario = _with_rate(given, rate)
-    planned = study.plan_and_check(scenario)
+    planned = scenarios.plan_and_check(scenario)
     (label,) = scenario.controllers
     folder = study.RunFolder(
         out or default_folder(f"{scenario.name}-{label}-drive"), numbered=out is None
@@ -99,7 +100,7 @@ def _conclude(controls: DriveControls, result: DriveResult) -> None:
         raise RunFailed(f"the robot stopped early: {result.ending}")
 
 
-def _with_rate(scenario: study.Scenario, rate: float | None) -> study.Scenario:
+def _with_rate(scenario: scenarios.Scenario, rate: float | None) -> scenarios.Scenario:
     """Return the scenario with the sample time of a rate, Hz; None: its own."""
     from omnidrive.deploy.drive import RATES
     from omnidrive.parameter import check_number
@@ -111,13 +112,13 @@ def _with_rate(scenario: study.Scenario, rate: float | None) -> study.Scenario:
 
 
 def _drive(
-    planned: study.PlannedScenario,
+    planned: scenarios.PlannedScenario,
     controls: DriveControls,
     chosen: Configured,
     folder: study.RunFolder,
     *,
     cpu: int | None,
-) -> tuple[study.PlannedScenario, DriveResult]:
+) -> tuple[scenarios.PlannedScenario, DriveResult]:
     """Drive the robot of a scenario over a link; return the scenario as driven, and the result."""
     from omnidrive.deploy.drive import drive as drive_robot
     from omnidrive.deploy.links.components import LinkContext

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, get_args
 
-from omnidrive import study
+from omnidrive import scenario as scenarios
 from omnidrive.choices import FaultKind
 from omnidrive.cli.completion import one_of
 from omnidrive.cli.options import RUN_PANEL, option
@@ -23,7 +23,7 @@ FaultOption = Annotated[
 ]
 
 
-def with_faults(scenario: study.Scenario, texts: Sequence[str] | None) -> study.Scenario:
+def with_faults(scenario: scenarios.Scenario, texts: Sequence[str] | None) -> scenarios.Scenario:
     """Return the scenario with the given faults.
 
     With a task ``faults``, each fault acts in a run of its own; otherwise all act in every run.
@@ -33,8 +33,8 @@ def with_faults(scenario: study.Scenario, texts: Sequence[str] | None) -> study.
     """
     if not texts:
         return scenario
+    from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
     from omnidrive.simulation.disturbances import parse_fault
-    from omnidrive.study.scenario_file import parse_scenario, scenario_data
 
     faults = [parse_fault(text).model_dump() for text in texts]
     data = scenario_data(scenario)

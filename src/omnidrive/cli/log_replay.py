@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from omnidrive import scenario as scenarios
 from omnidrive import study
 from omnidrive.cli.completion import component
 from omnidrive.cli.components import with_controllers
@@ -96,7 +97,7 @@ def _replay(logged: LoggedDrive, controller: str | None, *, allow_code: bool) ->
         chosen = scenario
         if controller:
             chosen = with_controllers(scenario, [controller], allow_code=allow_code)
-        planned = study.plan_and_check(chosen)
+        planned = scenarios.plan_and_check(chosen)
         label, *_ = planned.scenario.controllers
         reference = planned.reference(study.planned_duration(planned))
         return replay_log(logged, scenario_pipeline(planned, label), reference)

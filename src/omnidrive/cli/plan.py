@@ -8,6 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
+from omnidrive import scenario as scenarios
 from omnidrive import study
 from omnidrive.choices import MethodName, Unknown
 from omnidrive.cli.options import PATH_PANEL, RESULTS_PANEL, JsonOption, choose_one, option
@@ -75,7 +76,7 @@ def plan(
     _report(planned, out, png, json)
 
 
-def _planned(shared: ScenarioOptions) -> study.PlannedScenario:
+def _planned(shared: ScenarioOptions) -> scenarios.PlannedScenario:
     """Plan the path, and its timing unless the scenario has one."""
     is_timed_here = (
         shared.speed is not None
@@ -84,11 +85,13 @@ def _planned(shared: ScenarioOptions) -> study.PlannedScenario:
         or shared.timing in {"limits", "minimum-time"}
     )
     if is_timed_here and shared.duration is None:
-        return study.plan_at(shared.resolve(retimed=False), shared.speed)
-    return study.plan_and_check(shared.resolve())
+        return scenarios.plan_at(shared.resolve(retimed=False), shared.speed)
+    return scenarios.plan_and_check(shared.resolve())
 
 
-def _report(planned: study.PlannedScenario, out: Path | None, png: Path | None, json: bool) -> None:
+def _report(
+    planned: scenarios.PlannedScenario, out: Path | None, png: Path | None, json: bool
+) -> None:
     """Print the results and write the requested files."""
     reference = planned.reference(study.planned_duration(planned))
     facts = study.plan_facts(planned, reference)

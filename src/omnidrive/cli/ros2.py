@@ -189,7 +189,7 @@ def _simulated(robot: str, plant: str, map_name: str | None, start: str, seed: i
     from omnidrive.geometry import Pose
     from omnidrive.maps import load_map
     from omnidrive.robot import named_robot
-    from omnidrive.study import make_plant
+    from omnidrive.scenario import make_plant
 
     chosen = named_robot(robot)
     x, y, *heading = parse_waypoint("start", start)

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
+from omnidrive import scenario as scenarios
 from omnidrive import study
 from omnidrive.cli.components import RUN_TASKS, ControllerOption, one_run
 from omnidrive.cli.faults import FaultOption, with_faults
@@ -111,7 +112,7 @@ def run(
         conclude(_save_drive(done, resolved, save_robot), beside_json=json)
 
 
-def _save_drive(done: study.Study, scenario: study.Scenario, file: Path) -> str:
+def _save_drive(done: study.Study, scenario: scenarios.Scenario, file: Path) -> str:
     """Write the robot with the drive that the last run identified; return a line about it.
 
     Raises:
@@ -119,7 +120,7 @@ def _save_drive(done: study.Study, scenario: study.Scenario, file: Path) -> str:
     """
     from omnidrive.estimation.drive_estimate import identified_robot, logged_drive
     from omnidrive.robot import save_robot
-    from omnidrive.study.scenario_sections import robot_of
+    from omnidrive.scenario.sections import robot_of
 
     result = (*done.results.runs, *done.results.faults)[-1]
     found = logged_drive(result.run.details)

@@ -10,7 +10,7 @@ from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from omnidrive import study
+from omnidrive import scenario as scenarios
 from omnidrive.choices import WAYPOINTS, PresetName
 from omnidrive.cli.components import plant_data, reference_data
 from omnidrive.cli.input_kind import check_map_name, input_kind
@@ -76,7 +76,7 @@ class ScenarioOptions(OptionFields):
         """Parameter of a waypoint file for ``--heading``."""
         return {} if self.heading is None else {"heading": self.heading}
 
-    def resolve(self, *, retimed: bool = True) -> study.Scenario:
+    def resolve(self, *, retimed: bool = True) -> scenarios.Scenario:
         """Return the scenario defined by the options.
 
         Args:
@@ -87,8 +87,8 @@ class ScenarioOptions(OptionFields):
                 exist.
         """
         from omnidrive.planning import Waypoint
-        from omnidrive.study.scenario_file import parse_scenario, scenario_data
-        from omnidrive.study.scenario_path import allow_named
+        from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
+        from omnidrive.scenario.scenario_path import allow_named
 
         preset = (
             choose_one("preset", self.preset, get_args(PresetName))
@@ -108,9 +108,9 @@ class ScenarioOptions(OptionFields):
         if self.plant is not None:
             changes["plant"] = plant_data(self.plant, scenario.plant)
         if self.robot is not None and not (on_map or self._moves_without_scenario):
-            changes["robot"] = study.robot_section(self.robot, preset or scenario.preset)
+            changes["robot"] = scenarios.robot_section(self.robot, preset or scenario.preset)
         elif preset:
-            radius = study.robot_section(scenario.robot.name, preset).assumed_effective_radius
+            radius = scenarios.robot_section(scenario.robot.name, preset).assumed_effective_radius
             changes["robot"] = scenario.robot.model_copy(
                 update={"assumed_effective_radius": radius}
             )
@@ -120,7 +120,7 @@ class ScenarioOptions(OptionFields):
             changes["seed"] = self.seed
         if self.estimator is not None:
             changes["sensors"] = (
-                (scenario.sensors or study.SensorsSection()) if self.estimator else None
+                (scenario.sensors or scenarios.SensorsSection()) if self.estimator else None
             )
         scenario = scenario.model_copy(update=changes)
         for name in ("plant", "reference"):
@@ -130,10 +130,10 @@ class ScenarioOptions(OptionFields):
         self._check_path_options(scenario)
         given = self.duration is not None or self.speed is not None
         if retimed and (on_map or given or scenario.reference != present):
-            return study.retime(scenario, duration=self.duration, speed=self.speed)
-        return study.lengthen(scenario) if retimed and self.max_speed is not None else scenario
+            return scenarios.retime(scenario, duration=self.duration, speed=self.speed)
+        return scenarios.lengthen(scenario) if retimed and self.max_speed is not None else scenario
 
-    def _check_path_options(self, scenario: study.Scenario) -> None:
+    def _check_path_options(self, scenario: scenarios.Scenario) -> None:
         """Raise InvalidInput if an option has no effect on the scenario's reference."""
         if scenario.reference == "path":
             return
@@ -158,7 +158,7 @@ class ScenarioOptions(OptionFields):
                 data[section][name] = value
         return data
 
-    def _base(self, preset: PresetName | None) -> study.Scenario:
+    def _base(self, preset: PresetName | None) -> scenarios.Scenario:
         """Return the scenario of the arguments, to which the other options apply."""
         from omnidrive.planning import Waypoint
 
@@ -167,7 +167,7 @@ class ScenarioOptions(OptionFields):
             motion = self._motion or {}
             name = Path(str(motion.get("file", motion["type"]))).stem
             origin = Waypoint(0.0, 0.0)
-            scenario = study.map_scenario(
+            scenario = scenarios.map_scenario(
                 "none" if file is None else str(file),
                 origin,
                 origin,
@@ -180,7 +180,7 @@ class ScenarioOptions(OptionFields):
             if self.start is None or self.goal is None:
                 check_map_name(file)
                 raise InvalidInput("a map needs --start X,Y and --goal X,Y (m, in the map frame)")
-            return study.map_scenario(
+            return scenarios.map_scenario(
                 str(file),
                 Waypoint(*parse_waypoint("start", self.start)),
                 Waypoint(*parse_waypoint("goal", self.goal)),
@@ -189,10 +189,10 @@ class ScenarioOptions(OptionFields):
                 preset=preset or "paper",
             )
         if self.scenario == "paper":
-            return study.paper_scenario(preset or "paper")
+            return scenarios.paper_scenario(preset or "paper")
         path = Path(self.scenario)
         file = path / "scenario.yaml" if os.path.isdir(path) else path
-        return study.load_scenario(file, allow_code=self.allow_code)
+        return scenarios.load_scenario(file, allow_code=self.allow_code)
 
 
 def with_options(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -33,6 +33,6 @@ def schema(
 
         print_json(robot_schema())
     else:
-        from omnidrive.study.scenario_schema import scenario_schema
+        from omnidrive.scenario.schema import scenario_schema
 
         print_json(scenario_schema())

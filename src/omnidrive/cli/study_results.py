@@ -13,7 +13,8 @@ from omnidrive.cli.study_execution import continued_by
 from omnidrive.cli.tables import print_tables
 from omnidrive.cli.terminal import conclude, show, warn
 from omnidrive.control.controller import FALLS_BEHIND
-from omnidrive.study import Scenario, Study
+from omnidrive.scenario import Scenario
+from omnidrive.study import Study
 from omnidrive.study.definition import StudyDefinition
 
 

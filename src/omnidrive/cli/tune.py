@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+from omnidrive import scenario as scenarios
 from omnidrive import study
 from omnidrive.cli.completion import component
 from omnidrive.cli.components import with_controllers
@@ -192,8 +193,8 @@ class TuningProgress:
 
 
 def _with_controller(
-    scenario: study.Scenario, text: str | None, *, allow_code: bool
-) -> tuple[study.Scenario, str]:
+    scenario: scenarios.Scenario, text: str | None, *, allow_code: bool
+) -> tuple[scenarios.Scenario, str]:
     """Return the scenario with the controller to tune, and its label."""
     if text is not None:
         scenario = with_controllers(scenario, [text], allow_code=allow_code)
@@ -205,7 +206,7 @@ def _with_controller(
 
 
 def _settings(
-    scenario: study.Scenario, label: str, ranges: Sequence[str], given: dict[str, Any]
+    scenario: scenarios.Scenario, label: str, ranges: Sequence[str], given: dict[str, Any]
 ) -> dict[str, Any]:
     """Return the settings of tuning; None: the default."""
     patterns = given["parameters"]

@@ -8,10 +8,10 @@ from pathlib import Path
 from omnidrive.deploy.drive import DriveResult
 from omnidrive.evaluation import Table, study_tables, write_figures, write_page, write_tables
 from omnidrive.evaluation.page import PageFigure
+from omnidrive.scenario.jobs import evaluate, jobs_of
+from omnidrive.scenario.planned_scenario import PlannedScenario
 from omnidrive.study.folder import RunFolder
-from omnidrive.study.jobs import evaluate, jobs_of
 from omnidrive.study.output_paths import REPORT_FILE
-from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.study import collect_results
 
 _ESTIMATED = (

@@ -7,7 +7,8 @@ from contextlib import contextmanager
 
 from omnidrive.deploy.attached_files import attached_files
 from omnidrive.errors import InvalidLog
-from omnidrive.study import RunFolder, Scenario, load_scenario
+from omnidrive.scenario import Scenario, load_scenario
+from omnidrive.study import RunFolder
 
 PREFIX = "scenario/"
 """Beginning of the names of these files, so that they differ from the other files of a log."""

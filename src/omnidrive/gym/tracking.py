@@ -24,8 +24,8 @@ from omnidrive.parameter import Bounds, check_choice, check_number
 from omnidrive.planning import SplinePath
 from omnidrive.reference import Reference, shortest_duration, time_uniformly
 from omnidrive.robot import Robot, named_robot
+from omnidrive.scenario import make_plant, paper_scenario, plan_scenario
 from omnidrive.simulation import PerfectSensors, Plant, PlantState, Sensors
-from omnidrive.study import make_plant, paper_scenario, plan_scenario
 
 _BOUNDS = {
     "dt": (Bounds(0.001, 1.0, "s"),),

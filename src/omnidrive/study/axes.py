@@ -13,7 +13,7 @@ import numpy as np
 
 from omnidrive.errors import InvalidStudy, one_line, short_repr, suggestion
 from omnidrive.parameter import is_number
-from omnidrive.study.scenario_path import Keys, Setting, relocated
+from omnidrive.scenario.scenario_path import Keys, Setting, relocated
 
 MAX_VALUES = 10_000
 """Largest number of values of an axis."""

@@ -17,6 +17,15 @@ from omnidrive.evaluation import StepResponse, step_response
 from omnidrive.evaluation.metrics import LoggedRuns, measure_many
 from omnidrive.geometry import Pose, check_heading
 from omnidrive.reference import Hold, Reference
+from omnidrive.scenario.jobs import (
+    job_seed,
+    make_controller,
+    make_supervisor,
+    reference_of,
+    start_of,
+)
+from omnidrive.scenario.planned_scenario import PlannedScenario
+from omnidrive.scenario.plants import plant_of
 from omnidrive.simulation import KinematicPlant, PlanarPlant
 from omnidrive.simulation.batch.closed_loops import BatchRun, ClosedLoops, LoopLogs
 from omnidrive.simulation.batch.loop import (
@@ -28,16 +37,7 @@ from omnidrive.simulation.batch.loop import (
 )
 from omnidrive.simulation.batch.run_samples import RunSamples, Sampler
 from omnidrive.simulation.sensors.sensors import quantized_array
-from omnidrive.study.jobs import (
-    job_seed,
-    make_controller,
-    make_supervisor,
-    reference_of,
-    start_of,
-)
 from omnidrive.study.planned_run import PlannedRun
-from omnidrive.study.planned_scenario import PlannedScenario
-from omnidrive.study.plants import plant_of
 from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import finished_record, step_values, tracking_values
 
@@ -64,7 +64,7 @@ def batched_records(
 
     A run is one of them if its plant and its controller have compiled code, the poses are exact or
     have the paper's noise, no fault occurs, it reaches the end of its reference, and the supervisor
-    does not act. Its record is that of :func:`~omnidrive.study.run_job`, but without computing
+    does not act. Its record is that of :func:`~omnidrive.scenario.run_job`, but without computing
     times.
 
     Args:

@@ -12,15 +12,15 @@ from omnidrive.errors import OmnidriveError
 from omnidrive.evaluation.recovery import Recovery, recovery
 from omnidrive.evaluation.results import FaultResult
 from omnidrive.parameter import check_choice
+from omnidrive.scenario.jobs import Result, run_job
+from omnidrive.scenario.planned_scenario import PlannedScenario, plan_scenario
+from omnidrive.scenario.variant import robot_in
 from omnidrive.simulation import Run
 from omnidrive.study.batched_runs import batched_records
 from omnidrive.study.definition import SeriesKept
-from omnidrive.study.jobs import Result, run_job
 from omnidrive.study.planned_run import PlannedRun
-from omnidrive.study.planned_scenario import PlannedScenario, plan_scenario
 from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import record_of, refused_record
-from omnidrive.study.variant import robot_in
 
 _KEPT_PLANS, _KEPT_RUNS = 32, 32
 

@@ -10,11 +10,11 @@ from typing import Any, Literal, NamedTuple, get_args
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidStudy
 from omnidrive.parameter import check_choice
+from omnidrive.scenario.scenario import Scenario
+from omnidrive.scenario.scenario_file import scenario_data
+from omnidrive.scenario.scenario_path import code_in
 from omnidrive.study.axes import Axis
 from omnidrive.study.random_factors import RandomFactors
-from omnidrive.study.scenario import Scenario
-from omnidrive.study.scenario_file import scenario_data
-from omnidrive.study.scenario_path import code_in
 
 FORMAT = "omnidrive-study-1"
 """Name and version of the file format."""

@@ -19,6 +19,22 @@ from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, is_path, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.parameter import Bounds
+from omnidrive.scenario.scenario import Scenario, paper_scenario
+from omnidrive.scenario.scenario_file import (
+    listed,
+    load_scenario,
+    problems_of,
+    scenario_data,
+)
+from omnidrive.scenario.scenario_path import (
+    Setting,
+    allow_named,
+    beside,
+    find_keys,
+    relocated,
+)
+from omnidrive.scenario.section import Section
+from omnidrive.scenario.variant import changed_sections, variant_data, variant_of
 from omnidrive.study.axes import first_values, moved_files
 from omnidrive.study.definition import (
     FORMAT,
@@ -31,22 +47,6 @@ from omnidrive.study.random_factors import (
     Method,
     RandomFactors,
 )
-from omnidrive.study.scenario import Scenario, paper_scenario
-from omnidrive.study.scenario_file import (
-    listed,
-    load_scenario,
-    problems_of,
-    scenario_data,
-)
-from omnidrive.study.scenario_path import (
-    Setting,
-    allow_named,
-    beside,
-    find_keys,
-    relocated,
-)
-from omnidrive.study.section import Section
-from omnidrive.study.variant import changed_sections, variant_data, variant_of
 
 _ROOT = files("omnidrive.study") / "studies"
 _MOST_AXES = 50

@@ -13,14 +13,14 @@ from omnidrive.choices import TaskName
 from omnidrive.components.code import CodePermission
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidInput, InvalidStudy, one_line, short_repr, suggestion
+from omnidrive.scenario.jobs import Job, jobs_of
+from omnidrive.scenario.scenario import Scenario
+from omnidrive.scenario.scenario_file import problems_of, scenario_data
+from omnidrive.scenario.scenario_path import Keys, Setting, find_keys, relocated, value_at
+from omnidrive.scenario.variant import changed_sections, robot_in, variant_data, variant_of
 from omnidrive.study.axes import Axis, Label, moved_files, parse_axis
 from omnidrive.study.definition import Condition
-from omnidrive.study.jobs import Job, jobs_of
 from omnidrive.study.random_factors import MAX_DIMENSIONS, RandomFactor, parse_factor
-from omnidrive.study.scenario import Scenario
-from omnidrive.study.scenario_file import problems_of, scenario_data
-from omnidrive.study.scenario_path import Keys, Setting, find_keys, relocated, value_at
-from omnidrive.study.variant import changed_sections, robot_in, variant_data, variant_of
 
 _RUN_KEYS = ("controller", "task", "duration", "horizon", "fault")
 

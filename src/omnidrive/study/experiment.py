@@ -10,17 +10,17 @@ from math import inf, isnan, nan
 from time import monotonic
 from typing import NamedTuple
 
+from omnidrive.execution.engine import Work, execute_blocks, must_be_in_process
+from omnidrive.execution.worker_pool import Lost
 from omnidrive.files.output_file import create_folder
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.parameter import Bounds, check_number
 from omnidrive.simulation import Outcome
 from omnidrive.study.claims import Claims
-from omnidrive.study.engine import Work, execute_blocks, must_be_in_process
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import relabelled
 from omnidrive.study.store import KeyedPlan, Store
-from omnidrive.study.worker_pool import Lost
 
 _BEST_BY = "me"  # metric of the best controller so far
 _MOST_CLAIMED = 10_000  # runs of a request

@@ -18,14 +18,14 @@ from omnidrive.files.output_file import output_file, remove_abandoned, write_err
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps import save_nav2_map
 from omnidrive.robot import is_robot_file, save_robot
+from omnidrive.scenario.planned_scenario import PlannedScenario
+from omnidrive.scenario.scenario import Scenario
+from omnidrive.scenario.scenario_file import save_scenario
+from omnidrive.scenario.sections import RobotSection
 from omnidrive.simulation import Run
 from omnidrive.simulation.log_file import log_table
 from omnidrive.study.output_paths import check_study_folder
-from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.results_data import results_data
-from omnidrive.study.scenario import Scenario
-from omnidrive.study.scenario_file import save_scenario
-from omnidrive.study.scenario_sections import RobotSection
 
 _ADVICE = "files written before are kept; free disk space, or choose another folder with --out"
 

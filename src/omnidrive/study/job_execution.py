@@ -6,12 +6,12 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from omnidrive.execution.engine import ListSource, Work, execute_blocks, must_be_in_process
+from omnidrive.execution.worker_pool import Lost
+from omnidrive.scenario.jobs import Job, Result, job_name, run_job, unfinished
+from omnidrive.scenario.planned_scenario import PlannedScenario
+from omnidrive.scenario.scenario import Scenario
 from omnidrive.simulation import Outcome
-from omnidrive.study.engine import ListSource, Work, execute_blocks, must_be_in_process
-from omnidrive.study.jobs import Job, Result, job_name, run_job, unfinished
-from omnidrive.study.planned_scenario import PlannedScenario
-from omnidrive.study.scenario import Scenario
-from omnidrive.study.worker_pool import Lost
 from omnidrive.visualization import Observer
 
 _COMPILE_TIMES = {

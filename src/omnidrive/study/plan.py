@@ -17,8 +17,8 @@ from omnidrive.reference import (
     top_speed,
     wheel_speed_used,
 )
+from omnidrive.scenario.planned_scenario import PlannedScenario
 from omnidrive.study.output_paths import check_figure_name, is_waypoint_file
-from omnidrive.study.planned_scenario import PlannedScenario
 
 _SAMPLES = 2001
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from omnidrive.study.jobs import Job
+from omnidrive.scenario.jobs import Job
+from omnidrive.scenario.scenario import Scenario
 from omnidrive.study.run_key import PlanKeys
-from omnidrive.study.scenario import Scenario
 
 
 class PlannedRun(NamedTuple):

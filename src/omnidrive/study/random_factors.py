@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidStudy, one_line, short_repr, suggestion
+from omnidrive.scenario.scenario_path import Keys
 from omnidrive.study.axes import (
     Label,
     check_plain,
@@ -20,7 +21,6 @@ from omnidrive.study.axes import (
     label_of,
     numbered,
 )
-from omnidrive.study.scenario_path import Keys
 
 Method = Literal["sobol", "latin-hypercube", "independent"]
 """Methods of sampling."""

@@ -26,9 +26,9 @@ from omnidrive.evaluation import (
 )
 from omnidrive.evaluation.verdict import Advantage
 from omnidrive.robot import is_robot_file
+from omnidrive.scenario.scenario import Scenario
+from omnidrive.scenario.scenario_file import scenario_data
 from omnidrive.simulation import Outcome, Run
-from omnidrive.study.scenario import Scenario
-from omnidrive.study.scenario_file import scenario_data
 
 _VERSIONS = ("omnidrive", "numpy", "scipy", "numba", "mujoco")
 

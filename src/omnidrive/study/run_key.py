@@ -17,14 +17,12 @@ from omnidrive.components import find_component
 from omnidrive.components.entry_points import Group
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidReference, OmnidriveError
+from omnidrive.execution.versions import VERSIONS
 from omnidrive.files.bounded_file import read_bounded
 from omnidrive.maps import load_map
-from omnidrive.study.jobs import Job
-from omnidrive.study.scenario_path import CODE_SECTIONS
-from omnidrive.study.variant import robot_in
-
-VERSIONS = ("omnidrive", "numpy", "scipy", "numba", "mujoco")
-"""Distributions whose versions can change results."""
+from omnidrive.scenario.jobs import Job
+from omnidrive.scenario.scenario_path import CODE_SECTIONS
+from omnidrive.scenario.variant import robot_in
 
 _LEFT_OUT = ("format", "name", "tasks", "controllers", "seed", "plant_robot")
 _MAX_BYTES = 10_000_000  # of a waypoint file

@@ -14,16 +14,16 @@ from pydantic import ValidationError
 from omnidrive.components.code import CodePermission
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidStudy
+from omnidrive.scenario.jobs import Job, faults_of, horizon_of, jobs_of
+from omnidrive.scenario.scenario import Scenario
+from omnidrive.scenario.scenario_file import listed, problems_of
+from omnidrive.scenario.scenario_path import Keys, Setting
+from omnidrive.scenario.variant import changed_sections, variant_data, variant_of
 from omnidrive.study.axes import Axis, Label
 from omnidrive.study.definition import Condition, StudyDefinition
-from omnidrive.study.jobs import Job, faults_of, horizon_of, jobs_of
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.random_factors import repetition_seed
 from omnidrive.study.run_key import KeyMaker, PlanKeys
-from omnidrive.study.scenario import Scenario
-from omnidrive.study.scenario_file import listed, problems_of
-from omnidrive.study.scenario_path import Keys, Setting
-from omnidrive.study.variant import changed_sections, variant_data, variant_of
 
 LARGE = 10_000_000
 """Number of runs from which a study asks for a confirmation."""

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from omnidrive.evaluation import Metrics, Recovery, StepResponse, StepResult, TrackResult
 from omnidrive.evaluation.results import STEP_AXES
+from omnidrive.scenario.jobs import Result, faults_of
 from omnidrive.simulation import Outcome
-from omnidrive.study.jobs import Result, faults_of
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_record import MAX_DETAIL, TIMING, Factor, RunRecord
 

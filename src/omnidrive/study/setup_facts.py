@@ -16,9 +16,9 @@ from omnidrive.control.pid.tuners import Kind, gain_inference
 from omnidrive.errors import one_line
 from omnidrive.evaluation.results import ControllerType
 from omnidrive.fuzzy import FuzzySystem
+from omnidrive.scenario.scenario import Scenario
+from omnidrive.scenario.sections import RobotSection
 from omnidrive.study.definition import StudyDefinition
-from omnidrive.study.scenario import Scenario
-from omnidrive.study.scenario_sections import RobotSection
 
 _MAX_VALUES = 12  # of an axis
 _MAX_TEXT = 300

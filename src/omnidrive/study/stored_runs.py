@@ -18,18 +18,18 @@ from omnidrive.arrays import Array
 from omnidrive.components.fields import plain
 from omnidrive.control.supervision import Event
 from omnidrive.errors import CannotWrite, one_line
+from omnidrive.execution.versions import VERSIONS
+from omnidrive.scenario.jobs import Job, Result, evaluate, job_name
+from omnidrive.scenario.planned_scenario import PlannedScenario
+from omnidrive.scenario.scenario_file import scenario_data
 from omnidrive.simulation import Outcome, Run
 from omnidrive.simulation.log_columns import POSE, TWIST
 from omnidrive.study.claims import Claims
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.folder import RunFolder, portable
-from omnidrive.study.jobs import Job, Result, evaluate, job_name
-from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.study.results_data import component_origins
-from omnidrive.study.run_key import VERSIONS
 from omnidrive.study.run_plan import RunPlan
 from omnidrive.study.run_recording import record_of
-from omnidrive.study.scenario_file import scenario_data
 from omnidrive.study.store import Store
 from omnidrive.study.study_folder import SCENARIO_FILE, note_file
 

@@ -24,10 +24,11 @@ from omnidrive.evaluation.study_difference import StudyDifference, study_differe
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_report import study_tables, write_study_report
 from omnidrive.evaluation.table import Table
+from omnidrive.execution.versions import VERSIONS
 from omnidrive.files.output_file import output_file, remove_abandoned
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.definition import StudyDefinition
-from omnidrive.study.run_key import VERSIONS, plan_digest
+from omnidrive.study.run_key import plan_digest
 from omnidrive.study.run_plan import RunPlan
 from omnidrive.study.setup_facts import controller_types, setup_facts
 from omnidrive.study.store import Store

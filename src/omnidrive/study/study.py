@@ -29,14 +29,14 @@ from omnidrive.evaluation.published import PUBLISHED_ERRORS
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.notebook import facts_html, table_html
 from omnidrive.parameter import Bounds, check_number
+from omnidrive.scenario.jobs import Job, Result, jobs_of
+from omnidrive.scenario.planned_scenario import PlannedScenario, plan_and_check
+from omnidrive.scenario.scenario import Scenario, paper_scenario
 from omnidrive.simulation import Outcome
 from omnidrive.simulation.run_log import RUN_LOGGER
 from omnidrive.study.folder import RunFolder
 from omnidrive.study.job_execution import execute_jobs, is_sequential
-from omnidrive.study.jobs import Job, Result, jobs_of
 from omnidrive.study.output_paths import REPORT_FILE, check_new_folder, check_study_folder
-from omnidrive.study.planned_scenario import PlannedScenario, plan_and_check
-from omnidrive.study.scenario import Scenario, paper_scenario
 from omnidrive.study.setup_facts import controller_types
 from omnidrive.study.stored_runs import StoredRuns
 from omnidrive.visualization import Observer

@@ -69,9 +69,9 @@ def load_study(
             was changed after its runs were computed.
         InvalidInput: The definition, or the scenario of a study of one scenario, is invalid.
     """
+    from omnidrive.scenario.scenario_file import load_scenario  # noqa: PLC0415
     from omnidrive.study.definition import StudyDefinition  # noqa: PLC0415 - takes two seconds
     from omnidrive.study.definition_file import load_definition  # noqa: PLC0415
-    from omnidrive.study.scenario_file import load_scenario  # noqa: PLC0415
 
     path = to_path(folder)
     if (path / SCENARIO_FILE).is_file():

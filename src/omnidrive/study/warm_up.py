@@ -17,21 +17,21 @@ from omnidrive.control.nmpc.holonomic import HolonomicSolver, speed_limits, stac
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.errors import CannotWrite, RunFailed
 from omnidrive.estimation import PoseEstimator, PoseFix, SensorReadings, State
+from omnidrive.execution.worker_pool import Call, Lost, WorkerPool
 from omnidrive.geometry import Pose
 from omnidrive.maps import maze_map
 from omnidrive.planning import PathOptions, Waypoint, plan, search
 from omnidrive.reference import Corridor, MotionLimits, time_within_limits
 from omnidrive.robot import named_robot
+from omnidrive.scenario.jobs import make_controller
+from omnidrive.scenario.planned_scenario import plan_scenario
+from omnidrive.scenario.scenario import paper_scenario
+from omnidrive.scenario.tasks import DurationsTask, Tasks
 from omnidrive.simulation.identification.response import response
 from omnidrive.study.block_runner import run_block
 from omnidrive.study.definition import StudyDefinition
-from omnidrive.study.jobs import make_controller
-from omnidrive.study.planned_scenario import plan_scenario
 from omnidrive.study.run_plan import RunPlan
-from omnidrive.study.scenario import paper_scenario
 from omnidrive.study.study import NullProgress, ProgressListener
-from omnidrive.study.tasks import DurationsTask, Tasks
-from omnidrive.study.worker_pool import Call, Lost, WorkerPool
 
 
 def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> None:

@@ -16,9 +16,10 @@ from omnidrive.errors import InvalidInput, InvalidStudy, one_line
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.parameter import Bounds
-from omnidrive.study import Scenario, StudyDefinition, definition_data, load_definition
-from omnidrive.study.scenario_file import problems_of
-from omnidrive.study.section import Section
+from omnidrive.scenario import Scenario
+from omnidrive.scenario.scenario_file import problems_of
+from omnidrive.scenario.section import Section
+from omnidrive.study import StudyDefinition, definition_data, load_definition
 from omnidrive.tuning.objective import Limit, Objective, parse_limit, parse_objective
 from omnidrive.tuning.run_sets import RunSets, check_apart, default_sets, with_controllers
 from omnidrive.tuning.search import MAX_TRIALS

@@ -21,8 +21,8 @@ from omnidrive.evaluation.page.evidence import (
 from omnidrive.evaluation.page.markup import PageFigure, figure_markup, tables_markup
 from omnidrive.evaluation.table import Table
 from omnidrive.files.output_file import create_folder, output_file
+from omnidrive.scenario.controller_file import save_controller
 from omnidrive.study import StudyDefinition
-from omnidrive.study.controller_file import save_controller
 from omnidrive.tuning.figures import front_figure, progress_figure
 from omnidrive.tuning.optimizers import front
 from omnidrive.tuning.problem import HELD_OUT_FILE, SETTINGS_FILE, TRAINING_FILE

@@ -8,15 +8,9 @@ from typing import Any, NamedTuple
 
 from omnidrive.components import Configured
 from omnidrive.errors import InvalidInput
-from omnidrive.study import (
-    RunPlan,
-    Scenario,
-    StudyDefinition,
-    parse_definition,
-    plan_at,
-    retime,
-)
-from omnidrive.study.scenario_file import scenario_data
+from omnidrive.scenario import Scenario, plan_at, retime
+from omnidrive.scenario.scenario_file import scenario_data
+from omnidrive.study import RunPlan, StudyDefinition, parse_definition
 
 TRAINING_REPETITIONS, HELD_OUT_REPETITIONS = 2, 12
 """Repetitions of the sets that :func:`default_sets` returns; a difference needs 6."""

@@ -7,9 +7,7 @@ from contextlib import ExitStack
 from functools import partial
 from types import TracebackType
 
-from omnidrive.simulation import Run
-from omnidrive.study import PlannedRun, RunRecord, run_block
-from omnidrive.study.engine import (
+from omnidrive.execution.engine import (
     ListSource,
     Work,
     execute_blocks,
@@ -17,10 +15,12 @@ from omnidrive.study.engine import (
     must_be_in_process,
     start_worker,
 )
+from omnidrive.execution.worker_pool import WorkerPool
+from omnidrive.simulation import Run
+from omnidrive.study import PlannedRun, RunRecord, run_block
 from omnidrive.study.experiment import lost_record
 from omnidrive.study.run_recording import relabelled
 from omnidrive.study.store import Store
-from omnidrive.study.worker_pool import WorkerPool
 
 
 def _ignore(run: PlannedRun, log: Run) -> None:

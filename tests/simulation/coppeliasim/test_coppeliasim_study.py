@@ -11,10 +11,11 @@ import yaml
 
 from omnidrive.errors import InvalidScenario, PlantLost
 from omnidrive.robot import named_robot
+from omnidrive.scenario import Tasks, load_scenario, paper_scenario, save_scenario
+from omnidrive.scenario.scenario_file import scenario_data
+from omnidrive.scenario.tasks import DurationsTask, StepTask
 from omnidrive.simulation import Outcome
-from omnidrive.study import Tasks, load_scenario, paper_scenario, run_study, save_scenario
-from omnidrive.study.scenario_file import scenario_data
-from omnidrive.study.tasks import DurationsTask, StepTask
+from omnidrive.study import run_study
 from tests.command import omnidrive
 from tests.simulation.coppeliasim.fake_scene import STOPPED
 from tests.simulation.coppeliasim.fake_server import cbor, fake_server, free_port
@@ -64,7 +65,7 @@ def test_invalid_parameter_is_refused(tmp_path, line, fact):
 @pytest.mark.parametrize("interface", ["joints", "signals"])
 def test_study_runs_in_one_process(monkeypatch, interface):
     """Also with more processes permitted, because one simulator contains one robot."""
-    monkeypatch.setattr(sys.modules["omnidrive.study.engine"], "WorkerPool", None)
+    monkeypatch.setattr(sys.modules["omnidrive.execution.engine"], "WorkerPool", None)
     with fake_server(PAPER, signals=interface == "signals") as server:
         study = run_study(scenario_at(server.port, interface=interface), processes=4)
         assert server.scene.state == STOPPED

@@ -15,7 +15,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.geometry import Pose
 from omnidrive.parameter import Bounds
 from omnidrive.robot import Robot
-from omnidrive.study.planned_scenario import PlannedScenario
+from omnidrive.scenario.planned_scenario import PlannedScenario
 
 _DELAY = Bounds(0.0, 10.0, "s")
 _INSTANT = 1e-6  # s

@@ -24,7 +24,7 @@ from omnidrive.files.yaml_file import read_yaml
 from omnidrive.geometry import Pose, check_heading
 from omnidrive.parameter import Bounds, check_bounds, check_number
 from omnidrive.robot import Robot, named_robot
-from omnidrive.study.scenario_file import listed, problems_of
+from omnidrive.scenario.scenario_file import listed, problems_of
 
 _EVERY_NODE = "/**"
 _SHOWN = 5  # names of nodes in a message

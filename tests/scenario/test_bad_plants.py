@@ -16,9 +16,9 @@ from omnidrive.control import pipeline as pipeline_module
 from omnidrive.errors import InvalidInput, PlantLost
 from omnidrive.estimation import LatestFix, State
 from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.scenario.sections import SensorsSection
 from omnidrive.simulation import KinematicPlant, Outcome, PlantState, environment, guard
-from omnidrive.study.scenario_sections import SensorsSection
-from tests.study.test_bad_parts import FAULT_TIME, assert_equal, logs
+from tests.scenario.test_bad_parts import FAULT_TIME, assert_equal, logs
 
 ORIGIN, REST = Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
 active = []  # name of the part and what it does in the present run

@@ -10,8 +10,8 @@ import pytest
 
 from omnidrive.compiled import announce_compiling
 from omnidrive.compiled.compilation import Compilation, compile_listeners
-from omnidrive.study.engine import ListSource, Work, _BlockSize, execute_blocks
-from omnidrive.study.worker_pool import Lost
+from omnidrive.execution.engine import ListSource, Work, _BlockSize, execute_blocks
+from omnidrive.execution.worker_pool import Lost
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs Unix")
 

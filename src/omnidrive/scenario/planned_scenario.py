@@ -33,9 +33,9 @@ from omnidrive.reference import (
     time_within_limits,
 )
 from omnidrive.robot import Robot
+from omnidrive.scenario.scenario import Scenario
+from omnidrive.scenario.sections import MapSection, robot_of
 from omnidrive.simulation.disturbances import Schedule
-from omnidrive.study.scenario import Scenario
-from omnidrive.study.scenario_sections import MapSection, robot_of
 
 _FLOOR_CELLS = 200
 """Largest number of cells of an open floor along x and y; the plants do not use them."""

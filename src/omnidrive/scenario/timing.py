@@ -10,10 +10,10 @@ from typing import get_args
 from omnidrive.choices import TaskName
 from omnidrive.errors import InvalidInput
 from omnidrive.parameter import check_choice
-from omnidrive.study.planned_scenario import PlannedScenario, plan_scenario
-from omnidrive.study.scenario import Scenario
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
-from omnidrive.study.tasks import DURATION, DurationsTask, FaultsTask, Tasks
+from omnidrive.scenario.planned_scenario import PlannedScenario, plan_scenario
+from omnidrive.scenario.scenario import Scenario
+from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
+from omnidrive.scenario.tasks import DURATION, DurationsTask, FaultsTask, Tasks
 
 DEFAULT_SPEED = 0.5
 """Default mean speed in m/s, close to that of the paper (its path in 20 s)."""

@@ -20,9 +20,9 @@ from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.robot import is_robot_file
 from omnidrive.robot.robot_file import FORMAT as ROBOT_FORMAT
+from omnidrive.scenario.controller_file import files_moved
+from omnidrive.scenario.scenario import Scenario
 from omnidrive.simulation.disturbances import FAULTS
-from omnidrive.study.controller_file import files_moved
-from omnidrive.study.scenario import Scenario
 
 _KEY = re.compile(r"(?!function-)[\w.+-]+")
 _MISSING = "'{key}' is missing"

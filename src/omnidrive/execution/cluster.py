@@ -16,8 +16,8 @@ from uuid import uuid4
 import cloudpickle
 
 from omnidrive.errors import InvalidInput, MissingExtra, WorkerLost, one_line
-from omnidrive.study.run_key import VERSIONS
-from omnidrive.study.worker_pool import Call, Ended, Lost
+from omnidrive.execution.versions import VERSIONS
+from omnidrive.execution.worker_pool import Call, Ended, Lost
 
 _ANSWER_TIME = 10.0  # s in which a scheduler must answer
 _QUEUED = 2  # calls per worker, so that none waits for the network

@@ -15,9 +15,9 @@ from omnidrive.control import Command, FeedforwardController, Status, WheelSpeed
 from omnidrive.control import pipeline as pipeline_module
 from omnidrive.control.components import ControllerContext
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist
+from omnidrive.scenario.tasks import DurationsTask, StepTask, Tasks
 from omnidrive.simulation import Outcome
 from omnidrive.study import run_study
-from omnidrive.study.tasks import DurationsTask, StepTask, Tasks
 from tests.command import omnidrive
 from tests.study.small import small_scenario
 

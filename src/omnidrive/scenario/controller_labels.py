@@ -7,7 +7,7 @@ from typing import Any
 
 from omnidrive.components.configured import permission_in
 from omnidrive.errors import short_repr
-from omnidrive.study.controller_file import (
+from omnidrive.scenario.controller_file import (
     is_controller_file,
     label_of_file,
     permitted_controller,

@@ -9,8 +9,8 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from omnidrive.parameter import Bounds
+from omnidrive.scenario.section import Section, UniqueItems
 from omnidrive.simulation.disturbances import Fault
-from omnidrive.study.section import Section, UniqueItems
 
 MAX_FAULTS = 100
 """Maximum number of faults of one run, and of faults of the task `faults`."""

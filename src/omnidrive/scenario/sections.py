@@ -18,12 +18,12 @@ from omnidrive.estimation import (
 from omnidrive.maps import is_named_map
 from omnidrive.parameter import Bounds, check_choice
 from omnidrive.robot import Robot, named_robot
+from omnidrive.scenario.section import Section
 from omnidrive.simulation.moving_obstacle import (
     MAX_MOVING_OBSTACLES,
     MAX_PATH_POINTS,
     MovingObstacle,
 )
-from omnidrive.study.section import Section
 
 _Time = Annotated[float, Bounds(0.0, 36_000.0, "s")]
 _Coordinate = Annotated[float, Bounds(-1e5, 1e5, "m")]

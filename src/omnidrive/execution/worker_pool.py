@@ -33,8 +33,8 @@ from loky.backend import resource_tracker as loky_tracker
 
 from omnidrive.compiled.compilation import CompileRelay, compile_listeners
 from omnidrive.errors import WorkerLost
+from omnidrive.execution.heartbeat import Heartbeat
 from omnidrive.files.child_processes import safe_path
-from omnidrive.study.heartbeat import Heartbeat
 
 _ATTEMPTS = 3  # of a call whose process is killed
 _MAX_FAILED_STARTS = 3  # in succession, of processes that end before they are ready

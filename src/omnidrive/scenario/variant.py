@@ -10,9 +10,15 @@ from omnidrive.components.configured import ALLOW_CODE
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidStudy
 from omnidrive.robot import Robot
-from omnidrive.study.scenario import Scenario
-from omnidrive.study.scenario_path import Setting, completed, value_at, with_plant_robot, with_value
-from omnidrive.study.scenario_sections import RobotSection, robot_of
+from omnidrive.scenario.scenario import Scenario
+from omnidrive.scenario.scenario_path import (
+    Setting,
+    completed,
+    value_at,
+    with_plant_robot,
+    with_value,
+)
+from omnidrive.scenario.sections import RobotSection, robot_of
 
 _ROBOTS = ("robot", "plant_robot")
 

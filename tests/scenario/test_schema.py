@@ -11,9 +11,9 @@ from omnidrive.components import component_names
 from omnidrive.parameter import Bounds
 from omnidrive.robot import ROBOTS
 from omnidrive.robot.robot_file import robot_schema, robot_text
-from omnidrive.study import Scenario, paper_scenario
-from omnidrive.study.scenario_file import scenario_data
-from omnidrive.study.scenario_schema import scenario_schema
+from omnidrive.scenario import Scenario, paper_scenario
+from omnidrive.scenario.scenario_file import scenario_data
+from omnidrive.scenario.schema import scenario_schema
 
 DOCS = Path(__file__).parents[2] / "docs"
 

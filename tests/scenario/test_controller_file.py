@@ -7,14 +7,10 @@ import pytest
 from omnidrive.cli.components import with_controllers
 from omnidrive.components import configure
 from omnidrive.errors import InvalidInput, InvalidScenario
-from omnidrive.study import (
-    load_definition,
-    load_scenario,
-    paper_scenario,
-    save_definition,
-)
-from omnidrive.study.controller_file import load_controller, save_controller
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
+from omnidrive.scenario import load_scenario, paper_scenario
+from omnidrive.scenario.controller_file import load_controller, save_controller
+from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
+from omnidrive.study import load_definition, save_definition
 
 TUNED = configure(
     "controllers", "fuzzy_t1", {"preset": "paper", "position": {"kp": 9.5}, "fuzzy": {

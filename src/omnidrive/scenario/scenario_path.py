@@ -19,7 +19,7 @@ from omnidrive.errors import InvalidInput, InvalidStudy, one_line, suggestion
 from omnidrive.maps import is_named_map
 from omnidrive.planning import Waypoint
 from omnidrive.robot import is_robot_file
-from omnidrive.study.controller_file import files_moved, is_controller_file
+from omnidrive.scenario.controller_file import files_moved, is_controller_file
 
 Keys = tuple[str | int, ...]
 """Keys of nested dictionaries and indices of lists, from the outermost on."""

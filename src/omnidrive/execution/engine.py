@@ -14,9 +14,9 @@ from time import perf_counter, sleep
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from omnidrive.errors import InvalidInput
-from omnidrive.study.cluster import ClusterPool
-from omnidrive.study.heartbeat import Heartbeat
-from omnidrive.study.worker_pool import Call, Ended, Lost, WorkerPool
+from omnidrive.execution.cluster import ClusterPool
+from omnidrive.execution.heartbeat import Heartbeat
+from omnidrive.execution.worker_pool import Call, Ended, Lost, WorkerPool
 
 Item = TypeVar("Item")
 Taken_co = TypeVar("Taken_co", covariant=True)

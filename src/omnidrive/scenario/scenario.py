@@ -19,11 +19,9 @@ from omnidrive.components.component import UnreadComponent
 from omnidrive.errors import InvalidInput, OmnidriveError
 from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Waypoint
-from omnidrive.simulation.components import static_capabilities
-from omnidrive.simulation.disturbances import PLANT_FAULTS
-from omnidrive.simulation.plant import PlantCapabilities
-from omnidrive.study.controller_labels import by_label
-from omnidrive.study.scenario_sections import (
+from omnidrive.scenario.controller_labels import by_label
+from omnidrive.scenario.section import Section
+from omnidrive.scenario.sections import (
     MapSection,
     RobotSection,
     SensorsSection,
@@ -31,8 +29,10 @@ from omnidrive.study.scenario_sections import (
     WatchdogSection,
     robot_section,
 )
-from omnidrive.study.section import Section
-from omnidrive.study.tasks import Faults, Tasks, study_tasks
+from omnidrive.scenario.tasks import Faults, Tasks, study_tasks
+from omnidrive.simulation.components import static_capabilities
+from omnidrive.simulation.disturbances import PLANT_FAULTS
+from omnidrive.simulation.plant import PlantCapabilities
 
 _PAPERS = ("fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc")
 _ALL = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3", "unicycle-nmpc", "feedforward", "holonomic-nmpc")
@@ -282,7 +282,8 @@ def map_scenario(
 ) -> Scenario:
     """Return the tasks of the paper on another map, with motion from rest to rest.
 
-    The durations are those of the paper; :func:`~omnidrive.study.retime` adapts them to the path.
+    The durations are those of the paper; :func:`~omnidrive.scenario.retime` adapts them to the
+    path.
 
     Args:
         source: Map file.

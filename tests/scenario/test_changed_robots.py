@@ -6,17 +6,18 @@ import yaml
 from omnidrive.errors import InvalidInput, InvalidScenario, NoPathFound
 from omnidrive.planning import Waypoint
 from omnidrive.robot import named_robot
-from omnidrive.study import load_scenario, paper_scenario, run_study, save_scenario
-from omnidrive.study.planned_scenario import plan_scenario
-from omnidrive.study.scenario_file import parse_scenario, scenario_data
-from omnidrive.study.scenario_sections import (
+from omnidrive.scenario import load_scenario, paper_scenario, save_scenario
+from omnidrive.scenario.planned_scenario import plan_scenario
+from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
+from omnidrive.scenario.sections import (
     MapSection,
     MovingSection,
     RobotSection,
     TimingSection,
     robot_of,
 )
-from omnidrive.study.tasks import DurationsTask, NoiseTask, Tasks
+from omnidrive.scenario.tasks import DurationsTask, NoiseTask, Tasks
+from omnidrive.study import run_study
 
 
 def scenario(**changes):

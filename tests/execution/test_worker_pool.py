@@ -16,8 +16,8 @@ from loky import process_executor
 from loky.backend import popen_loky_posix
 
 from omnidrive.errors import WorkerLost
-from omnidrive.study.heartbeat import Heartbeat
-from omnidrive.study.worker_pool import Call, Lost, WorkerPool
+from omnidrive.execution.heartbeat import Heartbeat
+from omnidrive.execution.worker_pool import Call, Lost, WorkerPool
 from tests.study.processes import workers
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs Unix")
@@ -210,7 +210,7 @@ ORPHANING = """
 import os, sys
 from functools import partial
 from time import sleep
-from omnidrive.study.worker_pool import Call, WorkerPool
+from omnidrive.execution.worker_pool import Call, WorkerPool
 
 def call():  # of a script without a guard of its main part
     print(os.getpid(), flush=True)

@@ -13,19 +13,19 @@ from omnidrive.errors import InvalidInput, InvalidScenario
 from omnidrive.geometry import WorldTwist, to_body
 from omnidrive.planning import Waypoint
 from omnidrive.robot import named_robot
-from omnidrive.simulation.components import static_capabilities
-from omnidrive.study import (
+from omnidrive.scenario import (
     load_scenario,
     make_plant,
     map_scenario,
     paper_scenario,
     retime,
     robot_section,
-    run_study,
     save_scenario,
 )
-from omnidrive.study.scenario_file import scenario_data
-from omnidrive.study.tasks import DurationsTask, Tasks
+from omnidrive.scenario.scenario_file import scenario_data
+from omnidrive.scenario.tasks import DurationsTask, Tasks
+from omnidrive.simulation.components import static_capabilities
+from omnidrive.study import run_study
 from tests.examples import examples
 from tests.shared_data import shared
 from tests.study.small import small_scenario

@@ -14,9 +14,9 @@ from omnidrive.errors import PART_ERRORS, one_line
 from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Reference
 from omnidrive.robot import Robot
+from omnidrive.scenario.planned_scenario import PlannedScenario
 from omnidrive.simulation import MovingObstacle, Plant
 from omnidrive.simulation.components import PlantContext
-from omnidrive.study.planned_scenario import PlannedScenario
 from omnidrive.visualization import Observer, observe
 
 _log = logging.getLogger(__name__)

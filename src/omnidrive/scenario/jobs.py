@@ -23,6 +23,9 @@ from omnidrive.evaluation.results import fault_name, step_name, track_name
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import Hold, Reference
 from omnidrive.robot import Robot
+from omnidrive.scenario.planned_scenario import PlannedScenario
+from omnidrive.scenario.plants import plant_of
+from omnidrive.scenario.scenario import NEED_FORCES, Scenario
 from omnidrive.simulation import (
     Fault,
     KinematicPlant,
@@ -37,9 +40,6 @@ from omnidrive.simulation import (
     default_faults,
     simulate,
 )
-from omnidrive.study.planned_scenario import PlannedScenario
-from omnidrive.study.plants import plant_of
-from omnidrive.study.scenario import NEED_FORCES, Scenario
 from omnidrive.visualization import Observer
 
 Result = TrackResult | StepResult | FaultResult

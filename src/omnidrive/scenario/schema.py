@@ -8,7 +8,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 
 from omnidrive.components.documentation import field_docs, plain_text
 from omnidrive.components.fields import plain
-from omnidrive.study.scenario import Scenario
+from omnidrive.scenario.scenario import Scenario
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -1,0 +1,4 @@
+"""Distributions that determine results."""
+
+VERSIONS = ("omnidrive", "numpy", "scipy", "numba", "mujoco")
+"""Distributions whose versions can change results."""

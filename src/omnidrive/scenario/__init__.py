@@ -1,0 +1,5 @@
+"""What a run is: scenario, tasks, parts, planned motion and the runs of one scenario."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
