@@ -126,7 +126,9 @@ def _between(
     rows: Float[Array, "rows columns"], t: Float[Array, " samples"]
 ) -> Float[Array, "kept columns"]:
     """Return rows with stamps from the first sample to the last."""
-    return rows[(rows[:, 0] >= t[0] - _RESOLUTION) & (rows[:, 0] <= t[-1] + _RESOLUTION)]
+    inside = (rows[:, 0] >= t[0] - _RESOLUTION) & (rows[:, 0] <= t[-1] + _RESOLUTION)
+    kept: Float[Array, "kept columns"] = rows[inside]
+    return kept
 
 
 def _is_dated(read: SensorReadings | None) -> bool:

@@ -47,7 +47,8 @@ class Fixes:
             turned: Predicted yaw, up to a constant, rad.
         """
         errors = self._yaw - turned[self.at]
-        return turned + np.interp(self._t, self._t[self.at], errors)
+        yaw: Float[Array, " rows"] = turned + np.interp(self._t, self._t[self.at], errors)
+        return yaw
 
     def centred(self, path: Float[Array, "rows columns"]) -> Float[Array, "fixes columns"]:
         """Return a path at the samples with a pose, without the mean of each segment."""
