@@ -110,6 +110,45 @@ def test_slip_limits_the_acceleration_of_the_response():
     assert accelerations[2:10] == pytest.approx(most, rel=0.02)
 
 
+def test_poses_may_be_rarer_than_samples():
+    """Poses every 0.4 s, in segments of 2 s."""
+    log = drive(SMALL, duration=60.0, dt=0.02, delay=0)
+    measured = np.zeros(len(log.t), dtype=bool)
+    measured[:: round(0.4 / 0.02)] = True
+    poses = np.where(measured[:, None], log.poses, np.nan)
+    poses[:, 2] = (poses[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
+    found = identify_robot(RobotLog(log.t, log.commands, poses, log.wheel_speeds), SMALL).estimates
+    for name, true in true_parameters(SMALL, 0.0).items():
+        if name not in {"friction", "delay"}:
+            assert abs(found[name].value - true) < 3.0 * found[name].sigma, (found[name], true)
+    assert found["wheel radius"].sigma < 0.005 * SMALL.wheel.radius
+
+
+def test_mean_wheel_speeds_give_exact_times():
+    rng = np.random.default_rng(2)
+    commands = identification_commands(SMALL, rng, 0.02, 40.0)
+    t = 0.02 * np.arange(len(commands))
+    fine = 0.001 * np.arange(20 * (len(t) - 1) + 1)
+    held = commands[np.minimum(np.arange(len(fine)) // 20, len(t) - 1)]
+    twists, moves = response(SMALL, fine, held, (0.015, 0.006), 0.008)
+    yaw = np.concatenate([[0.0], np.cumsum(moves[:-1, 2])])
+    c, s = np.cos(yaw[:-1]), np.sin(yaw[:-1])
+    x, y = moves[:-1, 0], moves[:-1, 1]
+    steps = np.column_stack([c * x - s * y, s * x + c * y])
+    path = np.column_stack([np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)]), yaw])
+    turned = (
+        np.cumsum(0.0005 * (twists[1:] + twists[:-1]), axis=0)[19::20] @ SMALL.chassis.jacobian.T
+    )
+    speeds = np.diff(turned, axis=0, prepend=0.0) / 0.02
+    speeds = np.vstack([speeds[:1], speeds])
+    log = RobotLog(t, commands, path[::20], speeds, mean_wheel_speeds=True)
+    found = identify_robot(log, SMALL).estimates
+    assert found["lag in translation"].value == pytest.approx(0.015, abs=1e-4)
+    assert found["lag in rotation"].value == pytest.approx(0.006, abs=1e-4)
+    assert found["delay"].value == pytest.approx(0.008, abs=1e-4)
+    assert found["wheel radius"].value == pytest.approx(0.05, rel=1e-3)
+
+
 def test_logs_without_wheel_speeds_give_no_radii():
     log = drive(SMALL, duration=40.0)
     found = identify_robot(RobotLog(log.t, log.commands, log.poses), SMALL).estimates
@@ -148,7 +187,7 @@ def test_errors_that_slip_does_not_explain_determine_no_friction():
     data = _Data(RobotLog(*(each[gentle] for each in rows)), SMALL)
     data.geometry()
     times = data.response()
-    data.slipping[:] = np.arange(data.count) % 2 == 0
+    data.slipping[:] = np.arange(len(data.slipping)) % 2 == 0
     assert data.friction(*times).reason.startswith("the wheels do not slip: friction is at least")
 
 
@@ -210,6 +249,8 @@ HEAD = "t,command_vx,command_vy,command_yaw_rate,x,y,yaw,wheel_speed_0\n"
             HEAD.encode() + b"0,0,0,0,0,0,0,0\n1,1e155,0,0,0,0,0,0\n",
             "commands in sample 1",
         ),
+        ("a.csv", HEAD.encode() + b"0,0,0,0,,,,0\n1,0,0,0,0,0,0,0\n", "has 1 measured poses"),
+        ("a.csv", HEAD.encode() + b"0,0,0,0,0,0,0,\n1,0,0,0,0,0,0,0\n", "has 1 rows of wheel"),
         ("a.csv", HEAD.encode() + b"0,0,0,0,0,0,0,0\n9999,0,0,0,0,0,0,0\n", "at most 3600 s"),
         ("a.parquet", b"PAR1 nonsense", "is not a log: "),
         ("a.csv", b"\xff\xfe", "there are no columns 't'"),

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf
+from math import inf, nan
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.control import CommandValue, WheelSpeeds
@@ -21,29 +21,31 @@ from omnidrive.robot import Robot
 from omnidrive.simulation.identification import RobotLog
 
 _MOST_SAMPLES = 1_000_000
-_MAX_GAP = 2.5
-"""Longest time between two measurements between which samples are interpolated, in sample times:
-one sample in succession may be without."""
+_MAX_GAP = 0.4  # s, without readings: the watchdog of a robot may stop it
+_MAX_SAMPLES_GAP = 2.5  # sample times without readings, if that is longer
 _LATEST = 1e10  # s, of a stamp
-_INSTANT = 1e-6  # s
+_RESOLUTION = 1e-6  # s, of the times of the rows
 
 
 class _Stretch(NamedTuple):
-    """Samples one after another with what was measured at their times."""
+    """Samples one after another with what was measured from the first to the last."""
 
     samples: list[LoggedSample]
-    poses: Float[Array, "rows 3"]
-    angles: Float[Array, "rows wheels"] | None
-    """Angle of each wheel, rad; None: not measured."""
+    t: Float[Array, " rows"]
+    """Time of the readings of each sample, s."""
+    angles: Float[Array, "readings columns"]
+    """Stamp, s, and angle of each wheel, rad; no rows: not measured. Stamps increase."""
+    fixes: Float[Array, "fixes 4"]
+    """Stamp, x, y and yaw; s, m, m, rad. Stamps increase."""
 
 
 def identification_log(logged: LoggedDrive) -> RobotLog:
-    """Return commands, measured poses and wheel speeds of the longest stretch without gaps.
+    """Return commands, pose fixes and wheel speeds of the stretch with the most pose fixes.
 
-    Poses and wheel angles are linearly interpolated at the times of the samples between the stamps
-    of measurements at most 2.5 sample times apart, so that single ones may be late or missing; the
-    wheel speeds are central differences of the angles. The time of a sample is that of its
-    readings, in the median of the stretch.
+    Rows of the log are the samples, the stamps of wheel angles, and those of pose fixes; at the
+    stamps there are mean wheel speeds since the angles before, and poses. In a stretch no sample is
+    missing, and there are readings every 0.4 s or 2.5 sample times. The time of a sample is that of
+    its readings, in the median of the stretch.
 
     Raises:
         InvalidLog: It has no stretch with pose fixes, commands torques, is too long or damaged.
@@ -51,27 +53,17 @@ def identification_log(logged: LoggedDrive) -> RobotLog:
     if logged.sample_count > _MOST_SAMPLES:
         raise InvalidLog(f"the log has more than {_MOST_SAMPLES:,} samples")
     best: _Stretch | None = None
-    intervals: list[float] = []
     for run in _runs(logged.samples()):
-        fixes = _fixes(run)
-        intervals += np.diff(np.unique(fixes[:, 0])).tolist()
-        stretch = _longest_stretch(run, fixes, logged.robot, logged.dt)
-        if best is None or len(stretch.samples) > len(best.samples):
-            best = stretch
-    if best is None or len(best.samples) < 3:
-        if not intervals:
-            raise InvalidLog(
-                "the log has fewer than two pose fixes in succession: the identification needs "
-                "poses measured from outside, such as by motion capture; give commands, wheel "
-                "speeds and these as a table (.csv)"
-            )
-        fixes_rate, rate = 1.0 / float(np.median(intervals)), 1.0 / logged.dt
+        for stretch in _stretches(run, logged.robot, logged.dt):
+            if best is None or len(stretch.fixes) > len(best.fixes):
+                best = stretch
+    if best is None or len(best.fixes) < 2:
         raise InvalidLog(
-            "the log has no samples with commands and measured poses one after another (there are "
-            f"{fixes_rate:.3g} pose fixes and {rate:.3g} samples a second): drive at the rate of "
-            "the pose fixes, or a lower one (--rate)"
+            "the log has fewer than two pose fixes in succession: the identification needs "
+            "poses measured from outside, such as by motion capture; give commands, wheel "
+            "speeds and these as a table (.csv)"
         )
-    return _robot_log(best, logged.robot, logged.dt)
+    return _robot_log(best, logged.robot)
 
 
 def _runs(samples: Iterator[LoggedSample]) -> Iterator[list[LoggedSample]]:
@@ -87,67 +79,80 @@ def _runs(samples: Iterator[LoggedSample]) -> Iterator[list[LoggedSample]]:
         yield run
 
 
-def _fixes(run: list[LoggedSample]) -> Float[Array, "fixes 4"]:
-    """Return stamp, x, y and yaw of the usable pose fixes with a yaw; s, m, m, rad."""
-    fixes = [fix for sample in run if sample.read is not None for fix in sample.read.fixes]
-    usable = [each for fix in fixes if (each := usable_fix(fix, _LATEST)) is not None]
-    rows = [(fix.stamp, *fix.pose) for fix in usable if fix.yaw_sigma < inf]
-    return np.array(rows).reshape(-1, 4)
-
-
-def _longest_stretch(
-    run: list[LoggedSample], fixes: Float[Array, "fixes 4"], robot: Robot, dt: float
-) -> _Stretch:
-    """Return the longest part of a run with measurements at the times of all samples."""
-    numbers = np.array([sample.number for sample in run], dtype=float)
+def _stretches(run: list[LoggedSample], robot: Robot, dt: float) -> Iterator[_Stretch]:
+    """Yield the parts of a run in which readings succeed each other."""
     read = [k for k, sample in enumerate(run) if _is_dated(sample.read)]
-    if not read or not len(fixes):
-        return _Stretch([], np.empty((0, 3)), None)
     reads = [each for k in read if (each := run[k].read) is not None]
+    if not reads:
+        return
+    numbers = np.array([sample.number for sample in run], dtype=float)
     stamps = np.array([each.stamp for each in reads])
     times = dt * numbers + np.median(stamps - dt * numbers[read])
-    fixes = fixes[np.argsort(fixes[:, 0], kind="stable")]
-    fixes[:, 3] = np.unwrap(fixes[:, 3])
-    poses, measured = _interpolated(times, fixes[:, 0], fixes[:, 1:], _MAX_GAP * dt)
-    angles = None
-    if all(len(each.wheel_angles) == len(robot.mounts) for each in reads):
-        turned = np.array([each.wheel_angles for each in reads])
-        angles, known = _interpolated(times, stamps, turned, _MAX_GAP * dt)
-        measured &= known
-    ends = np.flatnonzero(np.diff(measured, prepend=False, append=False)).reshape(-1, 2)
-    if not len(ends):
-        return _Stretch([], np.empty((0, 3)), None)
-    first, end = ends[np.argmax(ends[:, 1] - ends[:, 0])].tolist()
-    part = slice(first, end)
-    return _Stretch(run[part], poses[part], None if angles is None else angles[part])
+    angles, fixes = _angles(reads, len(robot.mounts)), _fixes(reads)
+    measured = np.unique(np.concatenate([angles[:, 0], fixes[:, 0]]))
+    gaps = np.flatnonzero(np.diff(measured) > max(_MAX_GAP, _MAX_SAMPLES_GAP * dt))
+    for part in np.split(measured, gaps + 1):
+        if not len(part):
+            continue
+        first, end = np.searchsorted(times, [part[0] - _RESOLUTION, part[-1] + _RESOLUTION])
+        if end - first < 3:
+            continue
+        t = times[first:end]
+        yield _Stretch(run[first:end], t, _between(angles, t), _between(fixes, t))
+
+
+def _angles(reads: list[SensorReadings], wheels: int) -> Float[Array, "readings columns"]:
+    """Return stamps and wheel angles of readings, by stamp; none if any lacks them."""
+    known = all(len(each.wheel_angles) == wheels for each in reads)
+    rows = [(each.stamp, *each.wheel_angles) for each in reads] if known else []
+    return _by_stamp(np.array(rows).reshape(-1, 1 + wheels))
+
+
+def _fixes(reads: list[SensorReadings]) -> Float[Array, "fixes 4"]:
+    """Return stamp, x, y and yaw of the usable pose fixes with a yaw, by stamp; s, m, m, rad."""
+    fixes = [fix for each in reads for fix in each.fixes]
+    usable = [each for fix in fixes if (each := usable_fix(fix, _LATEST)) is not None]
+    rows = [(fix.stamp, *fix.pose) for fix in usable if fix.yaw_sigma < inf]
+    return _by_stamp(np.array(rows).reshape(-1, 4))
+
+
+def _by_stamp(rows: Float[Array, "rows columns"]) -> Float[Array, "kept columns"]:
+    """Return rows in the order of their stamps, the first of each stamp."""
+    _, first = np.unique(np.round(rows[:, 0] / _RESOLUTION), return_index=True)
+    return rows[first]
+
+
+def _between(
+    rows: Float[Array, "rows columns"], t: Float[Array, " samples"]
+) -> Float[Array, "kept columns"]:
+    """Return rows with stamps from the first sample to the last."""
+    inside = (rows[:, 0] >= t[0] - _RESOLUTION) & (rows[:, 0] <= t[-1] + _RESOLUTION)
+    kept: Float[Array, "kept columns"] = rows[inside]
+    return kept
 
 
 def _is_dated(read: SensorReadings | None) -> bool:
     return read is not None and abs(read.stamp) <= _LATEST
 
 
-def _interpolated(
-    times: Float[Array, " rows"],
-    stamps: Float[Array, " n"],
-    values: Float[Array, "n columns"],
-    gap: float,
-) -> tuple[Float[Array, "rows columns"], Bool[Array, " rows"]]:
-    """Return values at ``times``, and at which of them stamps before and after are near enough."""
-    stamps, chosen = np.unique(stamps, return_index=True)
-    values = values[chosen]
-    after = np.searchsorted(stamps, times - _INSTANT)
-    before = np.searchsorted(stamps, times + _INSTANT, side="right") - 1
-    last = len(stamps) - 1
-    near = stamps[np.minimum(after, last)] - stamps[np.maximum(before, 0)] <= gap
-    found = np.column_stack([np.interp(times, stamps, column) for column in values.T])
-    return found, near & (after <= last) & (before >= 0)
-
-
-def _robot_log(stretch: _Stretch, robot: Robot, dt: float) -> RobotLog:
-    t = dt * np.array([sample.number for sample in stretch.samples], dtype=float)
-    commands = np.array([_twist(sample.sent, robot) for sample in stretch.samples])
-    speeds = None if stretch.angles is None else np.gradient(stretch.angles, t, axis=0)
-    return RobotLog(t - t[0], commands, stretch.poses, speeds)
+def _robot_log(stretch: _Stretch, robot: Robot) -> RobotLog:
+    sampled, read, fixed = (
+        np.round((stamps - stretch.t[0]) / _RESOLUTION)
+        for stamps in (stretch.t, stretch.angles[:, 0], stretch.fixes[:, 0])
+    )
+    rows = np.unique(np.concatenate([sampled, read, fixed]))
+    sent = np.array([_twist(sample.sent, robot) for sample in stretch.samples])
+    commands = sent[np.maximum(np.searchsorted(sampled, rows, side="right") - 1, 0)]
+    poses = np.full((len(rows), 3), nan)
+    poses[np.searchsorted(rows, fixed)] = stretch.fixes[:, 1:]
+    speeds = None
+    if len(read) > 1:
+        speeds = np.full((len(rows), len(robot.mounts)), nan)
+        at = np.searchsorted(rows, read)
+        turned = np.diff(stretch.angles[:, 1:], axis=0)
+        speeds[at[1:]] = turned / (_RESOLUTION * np.diff(read)[:, None])
+        speeds[at[0]] = speeds[at[1]]  # the first mean begins there
+    return RobotLog(_RESOLUTION * (rows - rows[0]), commands, poses, speeds, mean_wheel_speeds=True)
 
 
 def _twist(value: CommandValue | None, robot: Robot) -> BodyTwist:

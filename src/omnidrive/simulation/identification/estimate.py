@@ -44,16 +44,19 @@ def missing(name: str, unit: str, reason: str) -> Estimate:
     return Estimate(name, unit, nan, nan, reason)
 
 
-def checked(estimate: Estimate, segments: int, reason: str) -> Estimate:
+def checked(estimate: Estimate, segments: int, length: float, reason: str) -> Estimate:
     """Return the estimate, or one with a reason if its standard error is too large.
 
     Args:
         estimate: Estimate of a radius or of the friction.
-        segments: Number of segments of the log.
+        segments: Number of segments of the log with poses.
+        length: Least length of a segment, s.
         reason: Why the standard error can be too large.
     """
     if segments < MIN_SEGMENTS:
-        reason = f"the log is {segments} s long, need {MIN_SEGMENTS} s"
+        reason = (
+            f"the log has poses in {segments * length:.3g} s, need {MIN_SEGMENTS * length:.3g} s"
+        )
         return missing(estimate.name, estimate.unit, reason)
     relative = estimate.sigma / abs(estimate.value) if estimate.value else inf
     if not relative <= _MAX_RELATIVE[estimate.name] or not estimate.value > 0.0:

@@ -20,16 +20,12 @@ from omnidrive.simulation.identification.estimate import (
     checked_time,
     missing,
 )
-from omnidrive.simulation.identification.regression import (
-    Fit,
-    fit,
-    segments_of,
-    without_means,
-)
+from omnidrive.simulation.identification.fixes import Fixes
+from omnidrive.simulation.identification.odometry import Odometry
+from omnidrive.simulation.identification.regression import Fit, fit
 from omnidrive.simulation.identification.response import response
 from omnidrive.simulation.identification.robot_log import RobotLog
 
-_SEGMENT = 1.0  # s
 _SLIP_SHARE = 0.6  # used share of the friction limit from which a segment may contain slip
 _OUTLIER = 2.5  # residual of a segment over the median from which its wheels slipped
 _DELAYS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)  # s, first iterates
@@ -60,7 +56,8 @@ def identify_robot(log: RobotLog, robot: Robot) -> Identification:
     the measured displacements; slipping segments are recognised by their residuals and left out.
     Lags and delay minimise the errors of poses and wheel speeds predicted from the commands in the
     segments without slip, friction those of the poses in the segments with slip (output-error
-    method: Ljung, "System Identification", 2nd ed. 1999, section 4.3).
+    method: Ljung, "System Identification", 2nd ed. 1999, section 4.3). Poses may be rarer than
+    samples: displacements are predicted from pose to pose. Segments are then longer, five poses.
 
     Args:
         log: Samples of a drive from rest, ideally at 50 Hz or more: curves in all directions, small
@@ -96,7 +93,8 @@ class _Data:
 
     log: RobotLog
     robot: Robot
-    yaw: Float[Array, " rows"] = field(init=False)
+    fixes: Fixes = field(init=False)
+    odometry: Odometry | None = field(init=False, default=None)
     segments: Int[Array, " rows"] = field(init=False)
     commands: Float[Array, "rows 3"] = field(init=False)
     slipping: Bool[Array, " segments"] = field(init=False)
@@ -108,18 +106,25 @@ class _Data:
     """See :func:`response`."""
 
     def __post_init__(self) -> None:
-        self.yaw = np.unwrap(self.log.poses[:, 2])
-        self.segments = segments_of(self.log.t, _SEGMENT)
-        self.slipping = np.zeros(self.count, dtype=bool)
+        self.fixes = Fixes(self.log)
+        self.segments = self.fixes.segments
+        if self.log.wheel_speeds is not None:
+            self.odometry = Odometry(self.log, self.log.wheel_speeds)
+        self.slipping = np.zeros(len(self.fixes.counts), dtype=bool)
         drive = self.robot.drive
         self.commands = np.array(
             [drive.saturate(BodyTwist(*row)) for row in np.nan_to_num(self.log.commands).tolist()]
         )
 
     @property
-    def count(self) -> int:
-        """Number of segments."""
-        return int(self.segments[-1]) + 1
+    def followed(self) -> Bool[Array, " segments"]:
+        """Segments with two poses or more."""
+        found: Bool[Array, " segments"] = self.fixes.counts > 1
+        return found
+
+    def _checked(self, estimate: Estimate, reason: str) -> Estimate:
+        """Return the estimate, or why the log does not determine it."""
+        return checked(estimate, int(self.followed.sum()), self.fixes.length, reason)
 
     def geometry(self) -> tuple[Estimate, Estimate]:
         """Return wheel radius and effective radius, and mark slipping segments.
@@ -127,55 +132,45 @@ class _Data:
         ``r P^+ w`` is the body twist of the wheel speeds w, with the rim Jacobian P, whose column
         of the yaw rate scales with the effective radius.
         """
-        if self.log.wheel_speeds is None:
+        if self.odometry is None:
             reason = "the log has no wheel speeds (columns wheel_speed_0, ...)"
             return (
                 missing("wheel radius", "m", reason),
                 missing("effective radius", "m", reason),
             )
-        scaled_twists = self.log.wheel_speeds @ np.linalg.pinv(self.robot.rim_jacobian).T
-        moved, turned = (
-            self._integrated(scaled_twists),
-            _cumulated(self.log.t, scaled_twists[:, 2:]),
-        )
-        positions = without_means(self.log.poses[:, :2], self.segments)
-        yaws = without_means(self.yaw[:, None], self.segments)
-        moved, turned = without_means(moved, self.segments), without_means(turned, self.segments)
-        r, r_sigma, bad = _ratio(positions, moved, self.segments)
-        q, q_sigma, bad_yaw = _ratio(yaws, turned, self.segments)
+        parts = self.odometry.turned @ np.linalg.pinv(self.robot.rim_jacobian).T
+        turned = _cumulated(parts[:, 2:])
+        yaw = self.fixes.yaw(self.robot.wheel.radius * turned[:, 0])
+        moved = _cumulated(_turned(parts, 0.5 * (yaw[1:] + yaw[:-1])))
+        used = self.followed & ~self._may_slip()
+        if used.sum() < MIN_SEGMENTS:
+            used = self.followed
+        r, r_sigma, bad = _ratio(self.fixes, self.fixes.positions, moved, used)
+        q, q_sigma, bad_yaw = _ratio(self.fixes, self.fixes.yaws, turned, used)
         self.slipping = bad | bad_yaw
-        radius = checked(
-            Estimate("wheel radius", "m", r, r_sigma), self.count, "the log holds too little motion"
+        radius = self._checked(
+            Estimate("wheel radius", "m", r, r_sigma), "the log holds too little motion"
         )
         value = self.robot.effective_radius * r / q if r and q else np.nan
         relative = hypot(r_sigma / r, q_sigma / q) if r and q else np.inf
         # the contact alternates between rows at different distances: the mean of 1 / R
         gap = self.robot.wheel.row_gap if self.robot.wheel.rows == 2 else 0.0
         sigma = hypot(abs(value) * relative, (0.5 * gap) ** 2 / abs(value) / sqrt(3.0))
-        effective = checked(
-            Estimate("effective radius", "m", value, sigma),
-            self.count,
-            "the log holds too little rotation",
+        effective = self._checked(
+            Estimate("effective radius", "m", value, sigma), "the log holds too little rotation"
         )
         return radius, effective
-
-    def _integrated(self, twists: Float[Array, "rows 3"]) -> Float[Array, "rows 2"]:
-        """Return the integral of velocities in B, turned to W by the measured yaw."""
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        world = np.column_stack(
-            [c * twists[:, 0] - s * twists[:, 1], s * twists[:, 0] + c * twists[:, 1]]
-        )
-        return _cumulated(self.log.t, world)
 
     def response(self) -> tuple[Estimate, Estimate, Estimate]:
         """Return the lags of translation and rotation, and the delay."""
         names = ("lag in translation", "lag in rotation", "delay")
-        gentle = ~self._may_slip()
+        gentle = self.followed & ~self._may_slip()
         rows = gentle[self.segments]
         if gentle.sum() < MIN_SEGMENTS:
+            length = self.fixes.length
             reason = (
-                f"{int(gentle.sum())} s of the log are certainly without wheel slip, need "
-                f"{MIN_SEGMENTS} s of gentle motion"
+                f"{length * int(gentle.sum()):.3g} s of the log are certainly without wheel slip, "
+                f"need {length * MIN_SEGMENTS:.3g} s of gentle motion"
             )
             first, second, third = (missing(name, "s", reason) for name in names)
             return first, second, third
@@ -196,7 +191,12 @@ class _Data:
         scales = np.array([1.0, 1.0, 0.01, 0.01, 0.01, 0.3])
         lag = [max(each, 1e-3) for each in self.robot.lag]
         sigmas = np.array([1e-3, 1e-3, 0.1])
-        segments = np.concatenate([self.segments[rows]] * self._columns)
+        posed = self.segments[self.fixes.at][rows[self.fixes.at]]
+        blocks = [posed] * 3
+        if self.odometry is not None:
+            measured = self.odometry.at[rows[self.odometry.at]]
+            blocks += [self.segments[measured]] * self.odometry.speeds.shape[1]
+        segments = np.concatenate(blocks)
 
         def residuals(values: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
             """Return the errors of the response, each over its standard deviation."""
@@ -214,12 +214,6 @@ class _Data:
         self.pose_sigma = float(sigmas[0])
         return found
 
-    @property
-    def _columns(self) -> int:
-        """Number of residuals per sample."""
-        wheels = 0 if self.log.wheel_speeds is None else self.log.wheel_speeds.shape[1]
-        return 3 + wheels
-
     def _response_errors(
         self, values: Float[Array, " parameters"], rows: Bool[Array, " rows"]
     ) -> list[Array]:
@@ -229,22 +223,21 @@ class _Data:
             self.robot, self.log.t, self.commands, (lag, yaw_lag), delay, coupling=coupling
         )
         blocks = self._pose_errors(moves * [straight, straight, turn], rows)
-        if self.log.wheel_speeds is not None:
-            predicted = twists @ self.robot.drive.jacobian.T
-            blocks.append((self.log.wheel_speeds - predicted)[rows])
+        if self.odometry is not None:
+            predicted = self.odometry.predicted(twists, moves, self.robot.drive.jacobian)
+            blocks.append((self.odometry.speeds - predicted)[rows[self.odometry.at]])
         return blocks
 
     def _pose_errors(
         self, moves: Float[Array, "rows 3"], rows: Bool[Array, " rows"]
     ) -> list[Array]:
-        """Return the errors of positions and yaw within each segment."""
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        x, y = moves[:, 0], moves[:, 1]
-        steps = np.column_stack([c * x - s * y, s * x + c * y, moves[:, 2]])
-        path = np.vstack([np.zeros(3), np.cumsum(steps[:-1], axis=0)])
-        measured = np.column_stack([self.log.poses[:, :2], self.yaw])
-        errors = without_means(measured - path, self.segments)[rows]
-        return [errors[:, :2], errors[:, 2:]]
+        """Return the errors of positions and yaw within each of the selected segments."""
+        turned = _cumulated(moves[:-1, 2:])
+        steps = _turned(moves[:-1], self.fixes.yaw(turned[:, 0])[:-1])
+        selected = rows[self.fixes.at]
+        positions = self.fixes.positions - self.fixes.centred(_cumulated(steps))
+        yaws = self.fixes.yaws - self.fixes.centred(turned)
+        return [positions[selected], yaws[selected]]
 
     def _may_slip(self) -> Bool[Array, " segments"]:
         """Return the segments in which, or just before which, wheels may slip."""
@@ -274,13 +267,14 @@ class _Data:
         share = self._used_friction(lag, wait)
         chosen = self.slipping.copy()
         np.logical_or.at(chosen, self.segments, share > 1.0)
+        chosen &= self.followed
         rows = chosen[self.segments]
         motor = self.robot.max_torque / self.robot.wheel.radius
         least = float(np.quantile(share, 0.999)) * self.robot.friction
         slack = f"the wheels do not slip: friction is at least about {min(least, 9.9):.2g}"
         if chosen.sum() < 3:
             return missing("friction", "1", slack)
-        segments = np.concatenate([self.segments[rows]] * 2)
+        segments = np.concatenate([self.segments[self.fixes.at][rows[self.fixes.at]]] * 2)
 
         def errors(mu: float | None, extra: float) -> Float[Array, " residuals"]:
             """Return the position errors with a friction coefficient and an extra delay (s)."""
@@ -309,45 +303,57 @@ class _Data:
         sigma = hypot(float(found.sigmas[0]), _FRICTION_MODEL * value)
         if value * self.robot.loads.min() > motor:
             slack = "the motors' torque limit is below the friction limit"
-        return checked(Estimate("friction", "1", value, sigma), self.count, slack)
+        return self._checked(Estimate("friction", "1", value, sigma), slack)
 
 
-def _cumulated(
-    t: Float[Array, " rows"], values: Float[Array, "rows columns"]
-) -> Float[Array, "rows columns"]:
-    """Return the integral of samples by the trapezoidal rule."""
-    parts = 0.5 * np.diff(t)[:, None] * (values[1:] + values[:-1])
-    return np.vstack([np.zeros(values.shape[1]), np.cumsum(parts, axis=0)])
+def _turned(vectors: Float[Array, "rows 3"], yaw: Float[Array, " rows"]) -> Float[Array, "rows 2"]:
+    """Return the first two components of vectors in B, in W."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.column_stack(
+        [c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]]
+    )
+
+
+def _cumulated(parts: Float[Array, "intervals columns"]) -> Float[Array, "rows columns"]:
+    return np.vstack([np.zeros(parts.shape[1]), np.cumsum(parts, axis=0)])
 
 
 def _ratio(
-    outputs: Float[Array, "rows columns"],
-    inputs: Float[Array, "rows columns"],
-    segments: Int[Array, " rows"],
+    fixes: Fixes,
+    outputs: Float[Array, "fixes columns"],
+    path: Float[Array, "rows columns"],
+    chosen: Bool[Array, " segments"],
 ) -> tuple[float, float, Bool[Array, " segments"]]:
-    """Return the ratio of outputs to inputs, its standard error, and the segments left out.
+    """Return the ratio of outputs to a path in chosen segments, its standard error, and outliers.
 
-    Segments with far larger residuals than the median are left out, in which wheels slip.
+    Outliers are segments with far larger residuals than the median, in which wheels slip; they are
+    left out.
     """
-    used = np.ones(int(segments[-1]) + 1, dtype=bool)
-    products, squares = (np.bincount(segments, (a * inputs).sum(axis=1)) for a in (outputs, inputs))
+    segments, inputs = fixes.segments[fixes.at], fixes.centred(path)
+    used, followed, outliers = chosen, fixes.counts > 1, np.zeros_like(chosen)
+    products, squares = (
+        np.bincount(segments, (each * inputs).sum(axis=1), len(used)) for each in (outputs, inputs)
+    )
     value = 0.0
     for _ in range(10):
         total = float(squares[used].sum())
         if not total > 0.0:
-            return 0.0, np.inf, ~used
+            return 0.0, np.inf, outliers
         value = float(products[used].sum()) / total
         errors = outputs - value * inputs
-        rms = np.sqrt(np.bincount(segments, (errors**2).sum(axis=1)) / np.bincount(segments))
-        before, used = used, rms <= _OUTLIER * float(np.median(rms)) + 1e-12
+        sums = np.bincount(segments, (errors**2).sum(axis=1), len(used))
+        rms = np.sqrt(sums / np.maximum(fixes.counts, 1))
+        largest = _OUTLIER * float(np.median(rms[chosen])) + 1e-12
+        outliers = followed & (rms > largest)
+        before, used = used, chosen & ~outliers
         if (before == used).all():
             break
     gradients = products - value * squares
     count = int(used.sum())
     if count < 2 or not float(squares[used].sum()) > 0.0:
-        return value, np.inf, ~used
+        return value, np.inf, outliers
     variance = float((gradients[used] ** 2).sum()) * count / (count - 1)
-    return value, sqrt(variance) / float(squares[used].sum()), ~used
+    return value, sqrt(variance) / float(squares[used].sum()), outliers
 
 
 def _identified(  # noqa: PLR0917

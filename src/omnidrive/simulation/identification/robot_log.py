@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, one_line, suggestion
@@ -36,27 +36,35 @@ class RobotLog:
     Attributes:
         t: Time of each sample, s; increasing.
         commands: Body twist commanded from each sample to the next, in B; m/s, m/s, rad/s.
-        poses: Measured pose of B in W at each sample; m, m, rad. The yaw may be wrapped.
+        poses: Measured pose of B in W at each sample; m, m, rad; NaN: not measured. The yaw may be
+            wrapped.
         wheel_speeds: Speed of each wheel at each sample, rad/s, with the signs of the wheel matrix;
-            None: not measured.
+            a row of NaN, or None: not measured.
+        mean_wheel_speeds: Whether each row of wheel speeds is the mean since the row of them
+            before, such as from wheel angles; else it is that of the instant.
 
     Raises:
-        InvalidInput: Times do not increase, or a number is not finite.
+        InvalidInput: Times do not increase, a number is not finite, or fewer than two poses are
+            measured.
     """
 
     t: Float[Array, " rows"]
     commands: Float[Array, "rows 3"]
     poses: Float[Array, "rows 3"]
     wheel_speeds: Float[Array, "rows wheels"] | None = None
+    mean_wheel_speeds: bool = False
 
     def __post_init__(self) -> None:
         if len(self.t) < 2:
             raise InvalidInput(f"the log has {len(self.t)} samples, need at least 2")
         last = np.where(np.isnan(self.commands[-1:]), 0.0, self.commands[-1:])  # it has no effect
         commands = np.vstack([self.commands[:-1], last])
-        blocks = {"t": self.t, "commands": commands, "poses": self.poses}
+        blocks = {"t": self.t, "commands": commands, "poses": _known(self.poses)}
         if self.wheel_speeds is not None:
-            blocks["wheel speeds"] = self.wheel_speeds
+            blocks["wheel speeds"] = _known(self.wheel_speeds)
+            measured = (~np.isnan(self.wheel_speeds)).all(axis=1).sum()
+            if measured < 2:
+                raise InvalidInput(f"the log has {measured} rows of wheel speeds, need at least 2")
         for name, block in blocks.items():
             wrong = ~(np.abs(block) <= _MAX_VALUE)  # NaN as well
             if wrong.any():
@@ -65,6 +73,8 @@ class RobotLog:
                     f"the log's {name} in sample {row} are not finite numbers of at most "
                     f"{_MAX_VALUE:g}"
                 )
+        if self.measured.sum() < 2:
+            raise InvalidInput(f"the log has {self.measured.sum()} measured poses, need at least 2")
         if self.t[-1] - self.t[0] > _MAX_DURATION:
             raise InvalidInput(
                 f"the log lasts {self.t[-1] - self.t[0]:g} s, need at most {_MAX_DURATION:g} s: "
@@ -78,14 +88,25 @@ class RobotLog:
                 f"after {self.t[k]:g} s"
             )
 
+    @property
+    def measured(self) -> Bool[Array, " rows"]:
+        """At which samples the pose is measured."""
+        found: Bool[Array, " rows"] = ~np.isnan(self.poses).all(axis=1)
+        return found
+
+
+def _known(block: Float[Array, "rows columns"]) -> Float[Array, "rows columns"]:
+    """Return a block with zeros in rows in which nothing is measured."""
+    return np.where(np.isnan(block).all(axis=1, keepdims=True), 0.0, block)
+
 
 def read_log(path: StrPath) -> RobotLog:
     """Read a log from a CSV or Parquet file.
 
     The columns are ``t`` in s; ``command_vx``, ``command_vy``, ``command_yaw_rate`` in m/s, m/s,
-    rad/s; ``x``, ``y``, ``yaw`` in m, m, rad; and optionally ``wheel_speed_0``, ``wheel_speed_1``,
-    ... in rad/s. The order of the columns does not matter, and others are ignored. The time series
-    of run folders have these columns.
+    rad/s; ``x``, ``y``, ``yaw`` in m, m, rad, all three empty in samples without a measured pose;
+    and optionally ``wheel_speed_0``, ``wheel_speed_1``, ... in rad/s. The order of the columns does
+    not matter, and others are ignored. The time series of run folders have these columns.
 
     Raises:
         InvalidInput: The file cannot be read, is too large, or lacks a column; or see
