@@ -9,6 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import fontManager
 from matplotlib.patches import Polygon
+from matplotlib.text import Text
 from PIL import Image
 
 from omnidrive.evaluation.figures import draw_figure, draw_figures, save, write_figures
@@ -304,3 +305,37 @@ def test_missing_fonts_of_the_font_cache_are_added(monkeypatch):
     register_fonts.cache_clear()
     register_fonts()
     assert {"STIXGeneral", "cmr10", "DejaVu Sans"} <= {f.name for f in fontManager.ttflist}
+
+
+def precise(study, share):
+    """Return the study with headings of all runs at a share of their errors."""
+
+    def changed(result):
+        run = result.run
+        pose = run.pose.copy()
+        pose[:, 2] = run.target[:, 2] + share * (run.pose[:, 2] - run.target[:, 2])
+        return replace(result, run=replace(run, pose=pose))
+
+    return replace(study, tracks=tuple(map(changed, study.tracks)))
+
+
+@pytest.mark.parametrize("share", [1.0, 1e-3, 1e-12])
+def test_ticks_of_heading_errors_are_short_numbers(study, share):
+    figure = draw_figure(precise(study, share), "heading_comparison")
+    figure.canvas.draw()
+    labels = [t.get_text() for t in figure.axes[1].get_yticklabels()]
+    assert len(labels) >= 3
+    assert all(len(label) <= 7 for label in labels), labels
+
+
+def test_titles_are_within_their_figures(study):
+    small = draw_figure(precise(study, 1e-3), "heading_comparison")
+    for name, figure in (*draw_figures(study), ("small errors", small)):
+        figure.canvas.draw()
+        for axes in figure.axes:
+            titles = {axes.get_title(loc=where) for where in ("left", "center", "right")} - {""}
+            for each in axes.get_children():
+                if isinstance(each, Text) and each.get_text() in titles:
+                    box = each.get_window_extent()
+                    assert box.x0 >= 0.0, (name, each)
+                    assert box.x1 <= figure.bbox.width, (name, each)
