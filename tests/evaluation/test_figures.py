@@ -126,6 +126,15 @@ def test_noise_differences_with_several_seeds(study):
         text.get_text()[16:] for text in figures["noise_xy"].axes[1].texts
     }
     assert len(figures["noise_xy"].axes[2].lines) == 3  # the first run of each controller
+    caption = "grey: no difference shown; 4 seeds are too few to show one, 7 are needed."
+    assert caption in figures["noise_differences"].get_supxlabel()
+
+
+def test_caption_of_noise_differences_with_enough_seeds(study):
+    noisy = study.select("noise")[:3]
+    several = [replace(r, repeat=k) for k in range(7) for r in noisy]
+    figure = draw_figure(replace(study, tracks=tuple(several), steps=()), "noise_differences")
+    assert "grey: no difference shown (5 %, Holm-corrected)." in figure.get_supxlabel()
 
 
 def test_study_without_runs_has_only_diagrams(part):
