@@ -17,21 +17,28 @@ from omnidrive.control import (
 )
 from omnidrive.control.components import ControllerContext, HolonomicNmpcOptions
 from omnidrive.control.components import holonomic_nmpc as make_nmpc
+from omnidrive.control.nmpc.holonomic import Actuation
 from omnidrive.control.reference_governor import TOLERATED_DELAY
 from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits
 from omnidrive.estimation import State
 from omnidrive.evaluation import path_errors
+from omnidrive.evaluation.metrics import position_error
 from omnidrive.evaluation.path_error import arrival
 from omnidrive.geometry import Pose
+from omnidrive.maps import paper_map
+from omnidrive.planning import PathOptions, Waypoint
+from omnidrive.planning import plan as plan_path
 from omnidrive.reference import (
     DelayedReference,
     Eight,
     Hold,
+    MotionLimits,
     ShapeReference,
     Square,
     UniformReference,
+    time_within_limits,
 )
-from omnidrive.robot import named_robot
+from omnidrive.robot import ROBOTS, named_robot
 from omnidrive.scenario.planned_scenario import plan_scenario
 from omnidrive.scenario.scenario import paper_scenario
 from omnidrive.simulation import KinematicPlant, Outcome, PlanarPlant, simulate
@@ -42,6 +49,21 @@ STILL = Pose(0.0, 0.0, 0.0)
 
 def governor(robot=KIWI, traction=0.8):
     return ReferenceGovernor(robot.chassis, robot.acceleration_faces / traction)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_motion_within_the_limits_of_the_robot_is_followed_in_time(name):
+    """Timing and controller have one reserve: the governor has nothing to delay."""
+    robot = named_robot(name)
+    start, goal = Waypoint(1, 1, 0), Waypoint(8, 6)
+    path = plan_path(paper_map(), start, goal, inflation=0.0, options=PathOptions()).spline
+    reference = time_within_limits(path, robot.chassis, MotionLimits.of_robot(robot))
+    controller = holonomic_nmpc(robot.chassis, dt=0.05, actuation=Actuation.of(robot))
+    assert controller.retime(reference) == Retiming(reference)
+    run = simulate(PlanarPlant(robot), controller, reference, start=reference.at(0.0).pose, dt=0.05)
+    errors = position_error(run.raise_if_failed().pose, run.target)
+    assert errors.mean() < 0.006
+    assert errors.max() < 0.03
 
 
 class Jump:

@@ -9,6 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import fontManager
 from matplotlib.patches import Polygon
+from matplotlib.text import Text
 from PIL import Image
 
 from omnidrive.evaluation.figures import draw_figure, draw_figures, save, write_figures
@@ -125,6 +126,15 @@ def test_noise_differences_with_several_seeds(study):
         text.get_text()[16:] for text in figures["noise_xy"].axes[1].texts
     }
     assert len(figures["noise_xy"].axes[2].lines) == 3  # the first run of each controller
+    caption = "grey: no difference shown; 4 seeds are too few to show one, 7 are needed."
+    assert caption in figures["noise_differences"].get_supxlabel()
+
+
+def test_caption_of_noise_differences_with_enough_seeds(study):
+    noisy = study.select("noise")[:3]
+    several = [replace(r, repeat=k) for k in range(7) for r in noisy]
+    figure = draw_figure(replace(study, tracks=tuple(several), steps=()), "noise_differences")
+    assert "grey: no difference shown (5 %, Holm-corrected)." in figure.get_supxlabel()
 
 
 def test_study_without_runs_has_only_diagrams(part):
@@ -304,3 +314,37 @@ def test_missing_fonts_of_the_font_cache_are_added(monkeypatch):
     register_fonts.cache_clear()
     register_fonts()
     assert {"STIXGeneral", "cmr10", "DejaVu Sans"} <= {f.name for f in fontManager.ttflist}
+
+
+def precise(study, share):
+    """Return the study with headings of all runs at a share of their errors."""
+
+    def changed(result):
+        run = result.run
+        pose = run.pose.copy()
+        pose[:, 2] = run.target[:, 2] + share * (run.pose[:, 2] - run.target[:, 2])
+        return replace(result, run=replace(run, pose=pose))
+
+    return replace(study, tracks=tuple(map(changed, study.tracks)))
+
+
+@pytest.mark.parametrize("share", [1.0, 1e-3, 1e-12])
+def test_ticks_of_heading_errors_are_short_numbers(study, share):
+    figure = draw_figure(precise(study, share), "heading_comparison")
+    figure.canvas.draw()
+    labels = [t.get_text() for t in figure.axes[1].get_yticklabels()]
+    assert len(labels) >= 3
+    assert all(len(label) <= 7 for label in labels), labels
+
+
+def test_titles_are_within_their_figures(study):
+    small = draw_figure(precise(study, 1e-3), "heading_comparison")
+    for name, figure in (*draw_figures(study), ("small errors", small)):
+        figure.canvas.draw()
+        for axes in figure.axes:
+            titles = {axes.get_title(loc=where) for where in ("left", "center", "right")} - {""}
+            for each in axes.get_children():
+                if isinstance(each, Text) and each.get_text() in titles:
+                    box = each.get_window_extent()
+                    assert box.x0 >= 0.0, (name, each)
+                    assert box.x1 <= figure.bbox.width, (name, each)

@@ -49,7 +49,8 @@ def test_motion_read_again_keeps_its_limits(tmp_path, path, dt, ending):
     assert max(limit_usage(even, ROWS).values()) > 1.2  # the case that the added samples mend
     save_waypoints(tmp_path / f"a{ending}", reference, dt=dt)
     found = load_waypoints(tmp_path / f"a{ending}")
-    assert np.diff(found.times).max() <= even.times[1] + 1e-9
+    moved = 5e-4 if ending == ".traj" else 1e-9  # samples that are closer are joined
+    assert np.diff(found.times).max() <= even.times[1] + moved
     assert len(found.times) < len(even.times) + 200
     if ending == ".csv":
         assert max(limit_usage(found, ROWS).values()) <= 1.01

@@ -19,6 +19,7 @@ from omnidrive.reference import (
     load_waypoints,
     save_waypoints,
 )
+from omnidrive.reference.limits import SPEED_SHARE
 from omnidrive.reference.shapes import Circle, Eight
 from omnidrive.scenario import load_scenario, paper_scenario, plan_and_check, plan_at, retime
 from omnidrive.scenario.scenario_file import parse_scenario, save_scenario, scenario_data
@@ -172,7 +173,7 @@ def test_speeds_in_the_message_differ_if_a_duration_is_only_just_too_short():
     slow = retime(scenario({"type": "circle", "radius": 5.0}), duration=60.0)
     planned = plan_and_check(slow)
     (share,) = limit_usage(planned.motion, planned.limits[:1]).values()
-    fastest = share * planned.motion.duration
+    fastest = SPEED_SHARE * share * planned.motion.duration
     with pytest.raises(InvalidReference) as error:
         planned.reference(fastest / 1.013)
     needed, top = re.findall(r"([\d.]+) rad/s", str(error.value))

@@ -21,15 +21,16 @@ from omnidrive.reference import (
     delay_within_limits,
     needed_limits,
 )
+from omnidrive.reference.limits import SPEED_SHARE
 from omnidrive.reference.reference import WindowReference
 from omnidrive.robot import Chassis
 
 TOLERATED_DELAY = 0.1
 """Delay, s, up to which the tracking controller makes up for what the limits do not permit."""
 
-SPEED_SHARE, FORCE_SHARE = 0.98, 0.965
-"""Shares of the wheel speed limit and of the acceleration limits of the controller that governed
-references use; the rest is for feedback."""
+FORCE_SHARE = 0.965
+"""Share of the acceleration limits of the controller that governed references use; the rest is for
+feedback."""
 
 _STILL = SampledReference(np.array([0.0, 0.1]), np.zeros((2, 3)), np.zeros((2, 3)))
 

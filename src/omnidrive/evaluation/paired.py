@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
-from omnidrive.evaluation.mean_test import difference_tests
+from omnidrive.evaluation.mean_test import difference_tests, needed_differences
 from omnidrive.evaluation.results import StudyResults, TrackResult
 from omnidrive.evaluation.uncertainty import CONFIDENCE, MeanEstimate, estimate_mean, holm
 from omnidrive.simulation import Outcome
@@ -97,6 +99,16 @@ def paired_differences(results: StudyResults) -> list[PairedDifference]:
         for measure in MEASURES:
             found += _family(pairs, measure)
     return found
+
+
+def needed_seeds(differences: Sequence[PairedDifference]) -> int:
+    """Return the least number of seeds that can show one of several differences.
+
+    Args:
+        differences: At least one.
+    """
+    families = Counter((d.duration, d.measure) for d in differences)
+    return needed_differences(max(families.values()))
 
 
 def _family(pairs: list[tuple[RepeatedRuns, RepeatedRuns]], measure: str) -> list[PairedDifference]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from math import isfinite, nan
 
@@ -17,6 +16,7 @@ from omnidrive.evaluation.paired import (
     MEASURES,
     PairedDifference,
     RepeatedRuns,
+    needed_seeds,
     paired_differences,
     repeated_runs,
 )
@@ -256,10 +256,9 @@ def paired_table(results: StudyResults) -> Table:
 
 def _least_seeds(differences: Sequence[PairedDifference]) -> str:
     """Return the sentence on the least numbers of seeds; empty without differences."""
-    families = Counter((d.duration, d.measure) for d in differences)
-    if not families:
+    if not differences:
         return ""
-    alone, needed = needed_differences(1), needed_differences(max(families.values()))
+    alone, needed = needed_differences(1), needed_seeds(differences)
     if needed == alone:
         return f"Fewer than {alone} seeds show no difference and have no interval. "
     return (

@@ -13,6 +13,12 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import Chassis, Robot
 
+SPEED_SHARE = 0.98
+"""Share of the wheel speed limit that references use; the rest is for the controller's feedback."""
+FORCE_SHARE = 0.77
+"""Share of the forces that friction and motors permit at equal loads that references use: 0.965 of
+those in plans of the recommended controller, 0.8; the rest is for feedback and unequal loads."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MotionLimits:
@@ -71,13 +77,17 @@ class MotionLimits:
 
     @classmethod
     def of_robot(
-        cls, robot: Robot, *, share: float = 0.85, max_speed: float | None = None
+        cls, robot: Robot, *, share: float = FORCE_SHARE, max_speed: float | None = None
     ) -> MotionLimits:
-        """Return the limits of a robot: its wheel speed and a share of its acceleration polytope.
+        """Return the limits of references that the recommended controller follows in time.
+
+        They are 0.98 of the wheel speed of the robot and a share of its acceleration polytope.
 
         Args:
             robot: Robot with motors and friction.
             share: Usable share of the accelerations that friction and motors allow; positive.
+                ``holonomic-nmpc`` plans with at most 0.8 of them and follows a reference that
+                needs more with a delay; the default leaves it a reserve for feedback.
             max_speed: :attr:`speed`, m/s; None: no limit other than the wheel speed.
 
         Raises:
@@ -87,7 +97,7 @@ class MotionLimits:
         if not (isfinite(share) and share > 0.0):
             raise InvalidInput(f"share must be a positive number, got {share:g}")
         return cls(
-            wheel_speed=robot.max_wheel_speed,
+            wheel_speed=SPEED_SHARE * robot.max_wheel_speed,
             speed=inf if max_speed is None else max_speed,
             acceleration_faces=robot.acceleration_faces / share,
         )

@@ -104,8 +104,17 @@ class PlannedScenario:
     @property
     def limits(self) -> tuple[LimitRows, ...]:
         """Limits of the motion: speeds and, unless the timing is `uniform`, accelerations."""
-        rows = limit_rows(self.robot.chassis, _motion_limits(self.scenario, self.robot))
-        return _of_speed(rows) if self.motion is None else rows
+        if self.motion is None:
+            return self._speed_limits
+        return limit_rows(self.robot.chassis, _motion_limits(self.scenario, self.robot))
+
+    @property
+    def _speed_limits(self) -> tuple[LimitRows, ...]:
+        """Limits of the speeds, that of the wheels without a reserve."""
+        limits = _motion_limits(self.scenario, self.robot)
+        whole = replace(limits, wheel_speed=self.robot.max_wheel_speed)
+        rows = limit_rows(self.robot.chassis, whole)
+        return tuple(each for each in rows if each.kind == "speed")
 
     @property
     def shortest(self) -> float:
@@ -126,7 +135,7 @@ class PlannedScenario:
         """
         if self.motion is None or isinstance(self.motion, TimedReference):
             return self.shortest
-        return shortest_duration_within(self.motion, _of_speed(self.limits))
+        return shortest_duration_within(self.motion, self._speed_limits)
 
     @property
     def _max_speed(self) -> float:
@@ -156,7 +165,7 @@ class PlannedScenario:
         return RetimedReference(self.motion, duration)
 
     def _check_speeds(self, motion: Reference, duration: float) -> None:
-        usage = limit_usage(motion, _of_speed(self.limits))
+        usage = limit_usage(motion, self._speed_limits)
         name, share = max(usage.items(), key=lambda item: item[1])
         share *= motion.duration / duration
         if share > 1.0 + _EXCESS:
@@ -171,10 +180,6 @@ class PlannedScenario:
                 f"{duration:g} s is too short for this reference: {excess}. The shortest duration "
                 f"is {ceil(10.0 * share * duration) / 10.0:g} s"
             )
-
-
-def _of_speed(limits: tuple[LimitRows, ...]) -> tuple[LimitRows, ...]:
-    return tuple(each for each in limits if each.kind == "speed")
 
 
 def _above(value: float, limit: float) -> str:

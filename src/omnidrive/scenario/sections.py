@@ -17,6 +17,7 @@ from omnidrive.estimation import (
 )
 from omnidrive.maps import is_named_map
 from omnidrive.parameter import Bounds, check_choice
+from omnidrive.reference.limits import FORCE_SHARE
 from omnidrive.robot import Robot, named_robot
 from omnidrive.scenario.section import Section
 from omnidrive.simulation.moving_obstacle import (
@@ -138,8 +139,9 @@ class TimingSection(Section):
     """Heading with the law `limits`. `path`: headings of the planned path; `tangent`: direction of
     motion; `fixed`: heading of the start; `free`: optimised for time (needs the extra
     `casadi`)."""
-    traction: Annotated[float, Bounds(0.01, 100.0, "1")] = 0.85
-    """Maximum acceleration, as a multiple of that at the friction and torque limits."""
+    traction: Annotated[float, Bounds(0.01, 100.0, "1")] = FORCE_SHARE
+    """Maximum acceleration, as a multiple of that at the friction and torque limits. Plans of
+    `holonomic-nmpc` use at most 0.8 of it; a faster motion is followed with a delay."""
     wheel_acceleration: Annotated[float, Bounds(0.01, 1e5, "rad/s^2")] | None = None
     """Maximum angular acceleration of a wheel, rad/s^2. None: no limit other than `traction`."""
     max_speed: Annotated[float, Bounds(0.001, 100.0, "m/s")] | None = None

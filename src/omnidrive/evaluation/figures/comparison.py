@@ -34,7 +34,7 @@ _WHOLE_MAP_RATIO = 0.6  # size of path to map from which the whole map is shown
 _MAX_RATIO = 0.12  # half side of the magnified square to extent of the path, at most
 _TICK_FORMAT = "{x:g}"  # 0.1, 1, 10 instead of powers of ten
 _SHARES = np.linspace(0.0, 1.0, 1001)  # parameters of the points of a path
-_MIN_ERROR = 1e-2  # mm; smaller errors are drawn at this value
+_MIN_ERROR = 1e-2  # mm, mrad; smaller distances are drawn at this value
 
 
 class Curve(NamedTuple):
@@ -96,12 +96,23 @@ def heading_comparison(results: StudyResults, task: str) -> Figure | None:
     run = _longest(lines).result.run
     heading.plot(run.t, run.target[:, 2], color=DARK, ls=DASHED, lw=1.0, label="Reference")
     heading.set(ylabel="heading in rad", xlim=(0.0, max(run.t[-1], 1e-3)))
-    error.set_yscale("symlog", linthresh=1.0, linscale=0.6)
-    error.yaxis.set_major_formatter(StrMethodFormatter(_TICK_FORMAT))
     error.set(ylabel="heading error in mrad", xlabel="time in s")
-    error.set_title("Heading minus reference (linear to 1 mrad)")
+    _scale_error(error)
     legend_above(figure, heading)
     return figure
+
+
+def _scale_error(axes: Axes) -> None:
+    """Make the y axis of heading errors linear up to 1 mrad, and logarithmic beyond."""
+    largest = max(float(np.abs(line.get_ydata()).max()) for line in axes.lines)
+    if largest > 1.0:
+        axes.set_yscale("symlog", linthresh=1.0, linscale=0.6)
+        axes.set_title("Heading error (linear up to 1 mrad)")
+    else:
+        axes.set_title("Heading error")
+        if largest < _MIN_ERROR:
+            axes.set_ylim(-_MIN_ERROR, _MIN_ERROR)
+    axes.yaxis.set_major_formatter(StrMethodFormatter(_TICK_FORMAT))
 
 
 def horizon_bars(results: StudyResults) -> Figure | None:

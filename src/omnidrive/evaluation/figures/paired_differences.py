@@ -14,6 +14,7 @@ from omnidrive.evaluation.paired import (
     MEASURE_LABELS,
     MEASURES,
     PairedDifference,
+    needed_seeds,
     paired_differences,
 )
 from omnidrive.evaluation.results import StudyResults
@@ -36,9 +37,12 @@ def noise_differences(results: StudyResults) -> Figure | None:
         axes.set_title(f"{MEASURE_LABELS[measure]} in m{MEASURES[measure]}")
     counts = sorted({d.difference.sample_size for d in found})
     count = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
+    needed = needed_seeds(found)
+    few = f"; {counts[-1]} seeds are too few to show one, {needed} are needed."
+    reason = " (5 %, Holm-corrected)." if counts[-1] >= needed else few
     figure.supxlabel(
         f"Row minus column: mean ± half its 95 % interval; {longest:g} s, {count} seeds.\n"
-        "Blue: row better; orange: row worse; grey: no difference shown (5 %, Holm-corrected).",
+        f"Blue: row better; orange: row worse; grey: no difference shown{reason}",
         fontsize=7.5, color=MUTED,
     )  # fmt: skip
     return figure
