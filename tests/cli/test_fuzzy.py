@@ -255,6 +255,19 @@ def test_eval_matches_columns_by_name_and_is_exact(fuzzy):
     assert (table("out.csv") == Inference(TIPPER).batch(x)[0]).all()
 
 
+def test_eval_states_once_how_many_rows_are_out_of_range(fuzzy):
+    write("service,food\n3,8\n12,8\n-1,11\n0,10\n")
+    args = ["eval", "tipper.fis", "--in", "in.csv", "--out", "out.csv", "--force"]
+    status, _, err = fuzzy(*args)
+    assert status == 0
+    assert err.count("out of its range") == 1
+    assert "2 of 4 rows have an input out of its range: clamped to the range" in err
+    unchanged = fuzzy(*args, "--out-of-range", "matlab")[2]
+    assert "2 of 4 rows have an input out of its range: used unchanged" in unchanged
+    write("service,food\n3,8\n0,10\n")
+    assert "out of its range" not in fuzzy(*args)[2]
+
+
 @pytest.mark.parametrize(
     ("arguments", "options"),
     [

@@ -1,6 +1,7 @@
 """Figures of fuzzy systems: membership functions, control surfaces and the rule viewer."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,6 +26,8 @@ from omnidrive.fuzzy.aggregated_output import aggregated_outputs, implied_conseq
 
 PAPER = gain_inference("t1", "paper").system
 FOOTPRINT = Footprint(0.8, 0.2, 0.1)
+
+WIDE = Membership("trapmf", (-1, 0, 1, 2))
 
 
 def parts(count, low=0.0, high=1.0, shape="trimf"):
@@ -112,6 +115,52 @@ def test_aggregated_output_without_fired_rules_is_zero():
     (joined,) = aggregated_outputs(inference, 0.5)
     assert not joined.upper[1].any()
     assert rule_viewer(inference, [0.5]).axes
+
+
+def grid(count):
+    """Return a system of two inputs with a rule for each pair of ``count`` sets."""
+    inputs = tuple(InputVariable(name, 0, 1, parts(count)) for name in "xy")
+    rules = tuple(
+        parse_rule(f"if x is S{i + 1} and y is S{j + 1} then u is S{(i + j) % 4 + 1}")
+        for i in range(count)
+        for j in range(count)
+    )
+    return FuzzySystem("grid", inputs, (OutputVariable("u", -1, 1, parts(4, -1, 1)),), rules)
+
+
+def labels_of_rules(figure):
+    """Return number and strength of each row of a rule viewer."""
+    labels = (each.get_ylabel().removeprefix("rule ").split() for each in figure.axes)
+    return [(int(each[0]), float(each[1])) for each in labels if each]
+
+
+@pytest.mark.parametrize("count", [3, 5])
+def test_rule_viewer_shows_all_rules_in_their_order(count, tmp_path):
+    inference = Inference(grid(count))
+    figure = rule_viewer(inference, [0.1, 0.8])
+    strengths = dict.fromkeys(range(1, count**2 + 1), 0.0)
+    strengths |= {each.number: each.upper for each in inference.fired_rules(0.1, 0.8)}
+    found = labels_of_rules(figure)
+    assert [number for number, _ in found] == list(strengths)
+    assert [value for _, value in found] == pytest.approx(list(strengths.values()), abs=1e-3)
+    assert figure.get_size_inches()[1] <= 12.1
+    check(figure, tmp_path / "rules.png")
+
+
+def test_rule_viewer_of_many_rules_shows_the_strongest_and_states_it():
+    inference = Inference(grid(6))
+    figure = rule_viewer(inference, [0.1, 0.8])
+    fired = inference.fired_rules(0.1, 0.8)
+    assert [number for number, _ in labels_of_rules(figure)] == [each.number for each in fired]
+    notes = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert f"the {len(fired)} that fire\nof 36 rules, strongest first" in notes
+    wide = InputVariable("x", 0, 1, tuple(replace(s, upper=WIDE) for s in parts(30)))
+    rules = tuple(parse_rule(f"if x is S{k} then u is S1") for k in range(1, 31))
+    many = Inference(FuzzySystem("many", (wide,), grid(2).outputs, rules))
+    figure = rule_viewer(many, [0.5])
+    assert len(labels_of_rules(figure)) == 25
+    notes = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert "the 25 strongest of 30 that fire\nof 30 rules, strongest first" in notes
 
 
 def test_names_of_sets_in_the_rule_viewer_stand_above_the_curves():

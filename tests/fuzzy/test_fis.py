@@ -5,12 +5,13 @@ import re
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from omnidrive.errors import CannotWrite, InvalidFuzzyFile, InvalidInput
-from omnidrive.fuzzy.files import GapWarning, load, save
+from omnidrive.fuzzy.files import GapWarning, SigmaWarning, load, save
 from omnidrive.fuzzy.files.fis import read_fis, write_fis
 from omnidrive.fuzzy.membership import MATLAB_SHAPES, Membership
 from omnidrive.fuzzy.rules import And, Is, Or, Rule
@@ -324,6 +325,13 @@ def test_redundant_groups_are_written():
             11,
             "function 'smff'; did you mean 'smf'?",
         ),
+        (
+            "'smf',[5 25]",
+            "'mymf',[5 25]",
+            26,
+            11,
+            "no membership function 'mymf'; custom functions are not supported: use one of trimf,",
+        ),
         ("'smf',[5 25]", "'pointsmf',[5 0]", 26, 11, "no membership function 'pointsmf'"),
         ("'smf',[5 25]", "'constant',[5]", 26, 11, "no membership function 'constant'"),
         ("'smf',[5 25]", "'linsmf',[25 5]", 26, 1, "linsmf [25 5]: needs a <= b"),
@@ -461,6 +469,18 @@ def test_load_warns_of_gaps(tmp_path):
         GapWarning, match=r"no set of 'x' covers 0, \[0\.25, 0\.75\]; rules may not fire there"
     ):
         load(tmp_path / "gap.fis")
+
+
+def test_load_states_that_the_sign_of_sigma_has_no_effect(tmp_path):
+    """Matlab's exp(-(x - c)^2/(2 sigma^2)) accepts a negative sigma."""
+    left = FuzzySet("low", Membership("gaussmf", (-0.4, 0)))
+    right = FuzzySet("high", Membership("gauss2mf", (0.4, 0.9, -0.4, 1)))
+    save(with_sets(left, right), tmp_path / "signs.fis")
+    with pytest.warns(SigmaWarning, match="negative in 'x' is 'low', 'x' is 'high'; the formula"):
+        found = load(tmp_path / "signs.fis")
+    assert found.inputs[0].sets[0] == left
+    at = np.linspace(-1, 1, 21)
+    assert (left.upper(at) == Membership("gaussmf", (0.4, 0))(at)).all()
 
 
 def test_large_file_is_refused_unread(tmp_path):

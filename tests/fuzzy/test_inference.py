@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from omnidrive.fuzzy.files import load
 from omnidrive.fuzzy.inference import Inference
 from omnidrive.fuzzy.membership import Membership
+from omnidrive.fuzzy.rule_text import parse_rule
 from omnidrive.fuzzy.rules import HEDGES, And, Is, Rule
 from omnidrive.fuzzy.system import FuzzySystem
 from omnidrive.fuzzy.variables import FuzzySet, InputVariable, LinearFunction, OutputVariable
@@ -130,6 +131,25 @@ def test_sampled_defuzzifiers_match_matlab(system, seed):
             assume(y.max() == 0 or y.max() > 1e-6)
             if y.max() > 0:
                 assert any(abs(value - v) <= 1e-12 * 300 for v in matlab(output.defuzzifier, at, y))
+
+
+@pytest.mark.parametrize(
+    ("defuzzifier", "expected"),
+    [("mom", 6.0), ("som", 3.0), ("lom", 9.0), ("lm", 3.0), ("rm", 9.0)],
+)
+def test_equal_peaks_of_probabilistic_sums(defuzzifier, expected):
+    """The peaks at 3 and 9 are 1 with 0.5 and 1 with 0.4, both of which give 1."""
+    sets = (
+        FuzzySet("near", Membership("trimf", (0, 3, 13))),
+        FuzzySet("far", Membership("trimf", (-3, 9, 12))),
+    )
+    system = FuzzySystem(
+        "peaks",
+        (InputVariable("x", 0, 1, (FuzzySet("on", Membership("linsmf", (-1, 0))),)),),
+        (OutputVariable("u", 0, 10, sets, "probor", defuzzifier),),
+        tuple(parse_rule(f"if x is on then u is {each.name}") for each in sets),
+    )
+    assert Inference(system, centroid="matlab")(0.5)[0] == expected
 
 
 def matlab(defuzzifier, at, y):

@@ -26,6 +26,7 @@ from omnidrive.fuzzy import (
     LinearFunction,
     Membership,
     OutputVariable,
+    SigmaWarning,
     load,
     parse_rule,
     save,
@@ -190,6 +191,7 @@ def _evaluate(path):
     """Load a system; its outputs are finite at inputs in and beyond the ranges."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", GapWarning)
+        warnings.simplefilter("ignore", SigmaWarning)
         system = load(path)
     if len(system.rules) > 2000 or len(system.variables) > 20:
         return

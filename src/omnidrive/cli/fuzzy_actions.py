@@ -174,6 +174,12 @@ def evaluate_table(
     if result.unused:
         shown = ", ".join(result.unused[:6]) + (", ..." if len(result.unused) > 6 else "")
         warn(f"columns ignored, because they are not inputs: {shown}")
+    if result.outside:
+        clamps = inference.options.out_of_range == "clamp"
+        warn(
+            f"{result.outside} of {result.rows} rows have an input out of its range: "
+            f"{'clamped to the range' if clamps else 'used unchanged'}"
+        )
     conclude(f"{result.rows} rows written to {target}")
 
 

@@ -1,6 +1,6 @@
 """Fuzzy systems of type 1, interval type 2 and interval type 3: as data, in files, evaluated."""
 
-from omnidrive.fuzzy.files import GapWarning, UnreadBlockWarning, load, save
+from omnidrive.fuzzy.files import GapWarning, SigmaWarning, UnreadBlockWarning, load, save
 from omnidrive.fuzzy.inference import FiredRule, Inference
 from omnidrive.fuzzy.membership import Membership
 from omnidrive.fuzzy.rule_text import parse_rule, rule_text
@@ -33,6 +33,7 @@ __all__ = [
     "OutputVariable",
     "Rule",
     "Secondary",
+    "SigmaWarning",
     "UnreadBlockWarning",
     "load",
     "parse_rule",

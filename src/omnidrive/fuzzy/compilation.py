@@ -66,7 +66,9 @@ def compile_system(system: FuzzySystem, options: InferenceOptions) -> CompiledSy
         InvalidInput: The options do not apply to the system.
     """
     if options.centroid == "exact" and not system.is_sugeno and (why := reason_not_exact(system)):
-        raise InvalidInput(f"there is no exact centroid: {why}; use centroid matlab")
+        raise InvalidInput(
+            f"there is no exact centroid: {why}; use --centroid matlab, in Python centroid='matlab'"
+        )
     if system.type > 1:
         for output in system.outputs:
             if output.defuzzifier not in {"centroid", "wtaver", "wtsum"}:

@@ -37,6 +37,8 @@ class EvaluatedTable(NamedTuple):
     """Number of rows written."""
     unused: tuple[str, ...]
     """Columns of the source that are not inputs."""
+    outside: int
+    """Rows with an input out of its range."""
 
 
 class _Block(NamedTuple):
@@ -69,7 +71,7 @@ def evaluate_csv(
             message names the line and the column.
         CannotWrite: The target cannot be written.
     """
-    rows = 0
+    rows = outside = 0
     with closing(_blocks(source)) as blocks:
         try:
             first = next(blocks, _Block(1, b""))
@@ -82,9 +84,10 @@ def evaluate_csv(
                     inputs = _inputs(block, columns)
                     _write_rows(out, _evaluate(inference, inputs, block, threads), inference)
                     rows += len(inputs)
+                    outside += _count_outside(inputs, inference)
         except InvalidInput as error:
             raise InvalidInput(f"{one_line(str(source))}: {error}") from None
-    return EvaluatedTable(rows, unused)
+    return EvaluatedTable(rows, unused, outside)
 
 
 class _Columns(NamedTuple):
@@ -230,6 +233,12 @@ def _evaluate(
             except InvalidInput as error:
                 raise InvalidInput(f"line {line}: {error}") from None
         raise
+
+
+def _count_outside(inputs: Float[Array, "rows inputs"], inference: Inference) -> int:
+    """Return the number of rows with an input out of its range."""
+    low, high = np.array([(each.low, each.high) for each in inference.system.inputs]).T
+    return int(((inputs < low) | (inputs > high)).any(axis=1).sum())
 
 
 def _header(inference: Inference) -> bytes:

@@ -275,6 +275,8 @@ def _check(options: InferenceOptions) -> None:
     for name, (value, known) in choices.items():
         check_choice(name, value, known)
     if not 2 <= options.samples <= MAX_SAMPLES:
-        raise InvalidInput(f"needs 2 to {MAX_SAMPLES} samples, got {options.samples}")
+        raise InvalidInput(
+            f"the samples (--samples) must be 2 to {MAX_SAMPLES}, got {options.samples}"
+        )
     if not 1 <= options.slices <= MAX_SLICES:
         raise InvalidInput(f"needs 1 to {MAX_SLICES} slices, got {options.slices}")

@@ -86,7 +86,8 @@ class Membership:
     The formulas are Matlab's (Fuzzy Logic Toolbox, "Foundations of Fuzzy Logic"). The degree at a
     vertical side is 1, so that a triangle, a trapezoid or a ``pimf`` without width is a fuzzy
     singleton: 1 at one point and 0 elsewhere. So is a ``gaussmf`` with sigma 0; a side of a
-    ``gauss2mf`` with sigma 0 is vertical. An S or Z curve with a >= b is a step at (a + b)/2.
+    ``gauss2mf`` with sigma 0 is vertical. The formulas square sigma: its sign has no effect,
+    as in Matlab. An S or Z curve with a >= b is a step at (a + b)/2.
 
     Attributes:
         shape: A name of :data:`SHAPES`.

@@ -28,13 +28,20 @@ CONORMS: dict[str, int] = {
 }
 """Codes of the t-conorms, which evaluate "or".
 
-``probor`` is a + b - a b, ``bsum`` the bounded sum."""
+``probor`` is the probabilistic sum a + b - a b, ``bsum`` the bounded sum."""
 
 AGGREGATIONS: dict[str, int] = {**CONORMS, "sum": 7}
 """Codes of the aggregations: the t-conorms, and Matlab's ``sum``, which may exceed 1."""
 
 IMPLICATIONS: dict[str, int] = {"min": 0, "prod": 1}
 """Codes of the implications: ``min`` clips the consequent, ``prod`` scales it."""
+
+
+@compiled
+def _probabilistic_sum(a: float, b: float) -> float:
+    """Return a + b - a b; exactly 1 if a degree is 1, and the other degree if one is 0."""
+    most = max(a, b)
+    return most + min(a, b) * (1.0 - most)
 
 
 @compiled
@@ -45,14 +52,14 @@ def t_norm(norm: int, a: float, b: float) -> float:  # noqa: PLR0911
     if norm == 1:
         return a * b
     if norm == 2:
-        return max(0.0, a + b - 1.0)
+        return max(0.0, min(a, b) - (1.0 - max(a, b)))
     if norm == 3:
         return min(a, b) if max(a, b) == 1.0 else 0.0
     if norm == 4:
-        return a * b / (2.0 - (a + b - a * b))
+        return a * b / (2.0 - _probabilistic_sum(a, b))
     if norm == 5:
-        return a * b / (a + b - a * b) if a + b > 0.0 else 0.0
-    return min(a, b) if a + b > 1.0 else 0.0
+        return a * b / _probabilistic_sum(a, b) if a + b > 0.0 else 0.0
+    return min(a, b) if min(a, b) > 1.0 - max(a, b) else 0.0
 
 
 @compiled
@@ -64,7 +71,7 @@ def t_conorm(conorm: int, a: float, b: float) -> float:  # noqa: PLR0911
     if conorm == 0:
         return max(a, b)
     if conorm == 1:
-        return a + b - a * b
+        return _probabilistic_sum(a, b)
     if conorm == 2:
         return min(1.0, a + b)
     if conorm == 3:

@@ -78,7 +78,7 @@ def segments_of(
             if len(owners) > MAX_SEGMENTS:
                 raise InvalidInput(
                     f"the sets of {output.name!r} have too many crossings for an exact "
-                    "centroid; use centroid matlab"
+                    "centroid; use --centroid matlab, in Python centroid='matlab'"
                 )
         first_piece.append(len(ends) // 2)
     return Segments(

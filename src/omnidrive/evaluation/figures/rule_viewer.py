@@ -28,13 +28,17 @@ from omnidrive.fuzzy.sets import membership_bounds
 
 _INPUT, _OUTPUT, _VALUE = BLUE, "#e69f00", RED
 _GROUND = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.75}
-_RULES, _INPUTS, _OUTPUTS = 8, 4, 4  # maximum numbers in one figure
+_RULES, _INPUTS, _OUTPUTS = 25, 4, 4  # maximum numbers in one figure
+_ROW, _ROWS = 0.72, 10.0  # maximum heights of a rule and of all rules, inches
 
 
 def rule_viewer(
     inference: Inference, inputs: Mapping[str, float] | Sequence[float] | None = None
 ) -> Figure:
-    """Draw the rules that fire for given inputs, strongest first, and the resulting outputs.
+    """Draw the rules of a system for given inputs, and the resulting outputs.
+
+    All rules are drawn in their order, as in Matlab's ``ruleview``, up to 25. Of a longer list, the
+    25 strongest that fire are drawn, strongest first, and the figure states so.
 
     Each row is a rule: the sets of its antecedent with the membership degree of the input, and its
     consequents, clipped or scaled by the firing strength. The last row is the aggregated output
@@ -50,17 +54,18 @@ def rule_viewer(
     x = _ordered(inference, inputs)
     system = inference.system
     fired = inference.fired_rules(*x)
-    shown, ins, outs = fired[:_RULES], system.inputs[:_INPUTS], system.outputs[:_OUTPUTS]
+    shown = _drawn_rules(inference, fired)
+    ins, outs = system.inputs[:_INPUTS], system.outputs[:_OUTPUTS]
     values = [
         min(max(value, v.low), v.high) if inference.options.out_of_range == "clamp" else value
         for v, value in zip(system.inputs, x, strict=True)
     ]
     with figure_style():
         rows, columns = len(shown) + 1, len(ins) + len(outs)
-        figure = new_figure(max(0.6 + 1.6 * columns, 4.6), 0.75 + 0.72 * len(shown) + 1.35)
-        panels = figure.subplots(
-            rows, columns, squeeze=False, height_ratios=[1.0] * len(shown) + [1.6]
-        )
+        height = min(_ROW, _ROWS / max(len(shown), 1))
+        figure = new_figure(max(0.6 + 1.6 * columns, 4.6), 2.1 + height * len(shown))
+        ratios = [height] * len(shown) + [1.6 * _ROW]
+        panels = figure.subplots(rows, columns, squeeze=False, height_ratios=ratios)
         for k, variable in enumerate(ins):
             panels[0, k].set_title(_with_value(variable.name, values[k]), fontsize=8.5)
             for row, each in enumerate(shown):
@@ -79,6 +84,15 @@ def rule_viewer(
         note = panels[-1, 0]
         note.text(0.0, 0.9, omissions, transform=note.transAxes, va="top", fontsize=7.5, color=DARK)
     return figure
+
+
+def _drawn_rules(inference: Inference, fired: list[FiredRule]) -> list[FiredRule]:
+    """Return all rules in their order; of a long list the strongest that fire."""
+    rules = inference.system.rules
+    if len(rules) > _RULES:
+        return fired[:_RULES]
+    strengths = {each.number: each for each in fired}
+    return [strengths.get(k, FiredRule(k, rule, 0.0, 0.0)) for k, rule in enumerate(rules, 1)]
 
 
 def _ordered(
@@ -109,8 +123,9 @@ def _omission_note(inference: Inference, fired: int) -> str:
     lines = []
     if fired == 0:
         lines.append("no rule fires")
-    if fired > _RULES:
-        lines.append(f"and {fired - _RULES} weaker rules")
+    elif len(system.rules) > _RULES:
+        which = f"the {_RULES} strongest of {fired}" if fired > _RULES else f"the {fired}"
+        lines.append(f"{which} that fire\nof {len(system.rules)} rules, strongest first")
     if len(system.inputs) > _INPUTS:
         lines.append(f"and {len(system.inputs) - _INPUTS} more inputs")
     if len(system.outputs) > _OUTPUTS:

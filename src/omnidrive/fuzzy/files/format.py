@@ -17,10 +17,15 @@ from omnidrive.fuzzy.files.fis import read_fis, write_fis
 from omnidrive.fuzzy.files.fll import read_fll, write_fll
 from omnidrive.fuzzy.files.fml import read_fml, write_fml
 from omnidrive.fuzzy.system import FuzzySystem
+from omnidrive.fuzzy.variables import FuzzySet
 
 
 class GapWarning(UserWarning):
     """Part of the range of an input belongs to no fuzzy set."""
+
+
+class SigmaWarning(UserWarning):
+    """A Gaussian function has a negative sigma, whose sign has no effect."""
 
 
 class Format(NamedTuple):
@@ -56,6 +61,7 @@ def load(path: StrPath, block: str | None = None) -> FuzzySystem:
 
     Warns:
         GapWarning: Part of the range of an input belongs to no fuzzy set.
+        SigmaWarning: The sigma of a Gaussian function is negative.
         UnreadBlockWarning: The file has several FUNCTION_BLOCKs, and ``block`` is None.
 
     Raises:
@@ -65,16 +71,8 @@ def load(path: StrPath, block: str | None = None) -> FuzzySystem:
     """
     path = to_path(path)
     name = one_line(str(path))
-    read = _format_of(path, InvalidFuzzyFile).read
-    if read is read_fcl:
-        read = partial(read_fcl, block=block, source=name)
-    elif block is not None:
-        raise InvalidInput(f"{name}: only .fcl files have blocks; leave out the block")
-    text = _read_text(path)
-    try:
-        system = read(text)
-    except InvalidInput as error:
-        raise InvalidFuzzyFile(f"{name}: {error}") from None
+    _reader(path, block)  # raises errors of the name before the file is read
+    system = system_of(read_text(path), path, block)
     for variable in system.inputs:
         gaps = [_interval_text(low, high) for low, high in variable.gaps()]
         if gaps:
@@ -84,7 +82,47 @@ def load(path: StrPath, block: str | None = None) -> FuzzySystem:
                 GapWarning,
                 stacklevel=2,
             )
+    if signs := _negative_sigmas(system):
+        shown = ", ".join(signs[:4]) + (", ..." if len(signs) > 4 else "")
+        warnings.warn(
+            f"{name}: sigma is negative in {shown}; the formula squares it, as in Matlab, so that "
+            "its sign has no effect",
+            SigmaWarning,
+            stacklevel=2,
+        )
     return system
+
+
+def system_of(text: str, path: Path, block: str | None = None) -> FuzzySystem:
+    """Return the system in the text of a file; arguments and errors as of :func:`load`."""
+    read = _reader(path, block)
+    try:
+        return read(text)
+    except InvalidInput as error:
+        raise InvalidFuzzyFile(f"{one_line(str(path))}: {error}") from None
+
+
+def _reader(path: Path, block: str | None) -> Callable[[str], FuzzySystem]:
+    """Return the reader of the format of a file."""
+    name, read = one_line(str(path)), _format_of(path, InvalidFuzzyFile).read
+    if read is read_fcl:
+        return partial(read_fcl, block=block, source=name)
+    if block is not None:
+        raise InvalidInput(f"{name}: only .fcl files have blocks; leave out the block")
+    return read
+
+
+def _negative_sigmas(system: FuzzySystem) -> list[str]:
+    """Return variable and name of the sets with a negative sigma."""
+    sigmas = {"gaussmf": slice(0, 1), "gauss2mf": slice(0, 4, 2)}
+    return [
+        f"{variable.name!r} is {each.name!r}"
+        for variable in system.variables
+        for each in variable.sets
+        if isinstance(each, FuzzySet)
+        and each.upper.shape in sigmas
+        and min(each.upper.parameters[sigmas[each.upper.shape]]) < 0.0
+    ]
 
 
 def save(system: FuzzySystem, path: StrPath) -> None:
@@ -111,8 +149,12 @@ def save(system: FuzzySystem, path: StrPath) -> None:
         part.write_bytes(data)
 
 
-def _read_text(path: Path) -> str:
-    """Return the text of a file of at most :data:`MAX_BYTES`, in UTF-8 or else Latin-1."""
+def read_text(path: Path) -> str:
+    """Return the text of a file of at most :data:`MAX_BYTES`, in UTF-8 or else Latin-1.
+
+    Raises:
+        InvalidFuzzyFile: The file cannot be read, is too large, or contains no text.
+    """
     excess = f"is larger than the limit of {MAX_BYTES // 1_000_000} MB"
     data = read_bounded(path, MAX_BYTES, "fuzzy system", InvalidFuzzyFile, excess=excess)
     if b"\0" in data:

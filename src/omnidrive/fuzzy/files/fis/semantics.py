@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import cast
 
 from omnidrive.choices import Algorithm
-from omnidrive.errors import suggestion
+from omnidrive.errors import closest, suggestion
 from omnidrive.fuzzy.files.assembly import locate_errors
 from omnidrive.fuzzy.files.fis.parser import (
     FisFile,
@@ -67,6 +67,7 @@ _HEDGES: dict[str, tuple[Hedge, ...]] = {
 }
 """Octave's and fuzzylite's hedges, by the decimals of a set's number."""
 
+_MISSPELLED = 0.8  # similarity from which the name of a function is a known one, misspelled
 _DEFAULT_LAG = (0.2, 0.2)
 """Matlab's LowerLag of a type-2 set without one; the LowerScale is then 1."""
 
@@ -165,8 +166,7 @@ def _check_sets(variable: VariableEntry, are_functions: bool) -> None:
     for each in variable.sets:
         shape = each.shape.text
         if shape not in known:
-            hint = suggestion(shape, known, most=len(known))
-            raise malformed(each.shape.position, f"there is no {what} {shape[:40]!r}{hint}")
+            raise malformed(each.shape.position, _unknown_shape(shape, known, what))
         if are_functions and each.footprint:
             raise malformed(
                 each.footprint_position, "a function of a Sugeno output has no footprint"
@@ -174,6 +174,18 @@ def _check_sets(variable: VariableEntry, are_functions: bool) -> None:
         if each.name in names:
             raise malformed(each.position, f"the name {each.name[:40]!r} appears twice")
         names.add(each.name)
+
+
+def _unknown_shape(shape: str, known: tuple[str, ...], what: str) -> str:
+    """Return the message for a shape that this package does not have."""
+    is_custom = known is MATLAB_SHAPES and shape not in {"constant", "linear"}
+    if not is_custom or closest(shape, known, cutoff=_MISSPELLED):
+        return f"there is no {what} {shape[:40]!r}{suggestion(shape, known, most=len(known))}"
+    return (
+        f"there is no {what} {shape[:40]!r}; custom functions are not supported: use one of "
+        f"{', '.join(known)}, or points of the function, in Python Membership('pointsmf', "
+        "(x1, y1, x2, y2, ...)), in a .fll file Discrete"
+    )
 
 
 def _check_different(names: Iterable[LocatedText]) -> None:
