@@ -17,6 +17,7 @@ from PIL import Image
 import omnidrive as od
 from omnidrive.control.supervision import Event
 from omnidrive.errors import CannotWrite, InvalidInput, MissingExtra
+from omnidrive.evaluation import plot
 from omnidrive.fuzzy import (
     Footprint,
     FuzzySet,
@@ -155,7 +156,7 @@ def test_a_run_that_failed_at_its_start_is_shown():
         dt=0.1,
     )
     assert "no sensors" in text_of(failed._repr_html_())
-    assert isinstance(failed.plot(), Figure)
+    assert isinstance(plot(failed), Figure)
 
 
 def test_a_plan_shows_its_path(plan):
@@ -190,23 +191,30 @@ def check_figure(figure):
 
 
 def test_figures_are_drawn_without_global_state(run, plan, study):
-    for figure in (run.plot(), plan.plot(), study.plot(), study.plot("step_response")):
+    for figure in (plot(run), plot(plan), plot(study), plot(study, "step_response")):
         check_figure(figure)
     pyplot = sys.modules.get("matplotlib.pyplot")
     assert pyplot is None or not pyplot.get_fignums()
 
 
 def test_the_figure_of_a_run_shows_events(run):
-    path, distance, _ = run.plot().axes
+    path, distance, _ = plot(run).axes
     np.testing.assert_array_equal(path.lines[0].get_ydata(), run.pose[:, 1])
     assert [line.get_xdata()[0] for line in distance.lines[1:]] == [1.0]
 
 
 def test_unknown_figures_are_refused(study):
     with pytest.raises(InvalidInput, match="did you mean 'xy_comparison'"):
-        study.plot("xy_comparson")
+        plot(study, "xy_comparson")
     with pytest.raises(InvalidInput, match=r"no runs for the figure horizon_bars; it has .*step"):
-        study.plot("horizon_bars")
+        plot(study, "horizon_bars")
+
+
+def test_what_has_no_figure_is_refused(run):
+    with pytest.raises(InvalidInput, match="only a study has several figures, got figure='a'"):
+        plot(run, "a")
+    with pytest.raises(InvalidInput, match="no figure of int: need a Run, a Plan or a Study"):
+        plot(3)
 
 
 def test_a_run_as_pandas_table(run):

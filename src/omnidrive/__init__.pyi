@@ -23,7 +23,7 @@ from .deploy import DriveControls, DriveResult, RobotLink, SimulatedLink, Simula
 from .errors import OmnidriveError
 from .estimation import PoseEstimator, PoseFix, SensorReadings, State, StateEstimator
 from .estimation.components import EstimatorContext
-from .evaluation import Metrics, StepResponse, measure, step_response
+from .evaluation import Metrics, StepResponse, measure, plot, step_response
 from .geometry import BodyTwist, Pose, WorldTwist, to_body, to_world, wrap
 from .maps import OccupancyGrid, load_map, load_nav2_map, paper_map, save_nav2_map
 from .parameter import Bounds
@@ -155,6 +155,7 @@ __all__ = [
     "paper_map",
     "paper_scenario",
     "plan",
+    "plot",
     "replay",
     "run_generators",
     "run_study",

@@ -17,6 +17,7 @@ from omnidrive.deploy.drive import drive
 from omnidrive.deploy.drive_folder import save_drive
 from omnidrive.deploy.links.simulated import SimulatedLink, SimulatedRobot
 from omnidrive.deploy.scenario_files import attached_inputs
+from omnidrive.evaluation import plot
 from tests.command import omnidrive
 
 RATE = 10.0
@@ -114,7 +115,7 @@ def test_notebooks_show_drive_and_run(result, planned):
     idle = driven(planned, controls)
     assert not idle.ran
     assert "never begun" in idle._repr_html_()
-    assert len(result.plot().axes) == 3
+    assert len(plot(result.run).axes) == 3
 
 
 def test_a_robot_that_cannot_be_reached_leaves_the_folder_free(tmp_path):

@@ -32,7 +32,7 @@ from omnidrive.simulation import Outcome, Run
 from omnidrive.simulation.guard import run_timer
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 RATES = Bounds(1.0, 1000.0, "Hz")
 """Range of the rate of the loop."""
@@ -74,10 +74,6 @@ class DriveResult:
     def ran(self) -> bool:
         """Whether the controller drove the robot at all."""
         return any(change.state is DriveState.RUNNING for change in self.changes)
-
-    def plot(self) -> Figure:
-        """Return a figure of path, position error and heading error, all of the estimate."""
-        return self.run.plot()
 
     def _repr_html_(self) -> str:
         """Return states, punctuality, drawing and main results for notebooks."""

@@ -1,4 +1,4 @@
-from .figures import write_figures
+from .figures import plot, write_figures
 from .metrics import Metrics, heading_error, measure, position_error
 from .page import write_page
 from .paired import (
@@ -43,6 +43,7 @@ __all__ = [
     "measure",
     "paired_differences",
     "path_errors",
+    "plot",
     "position_error",
     "recovery",
     "repeated_runs",

@@ -22,7 +22,7 @@ from omnidrive.planning.search import SearchResult, search
 from omnidrive.planning.smoothing import smooth
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 _CLEARANCE = 0.2
 """Distance in cells from the inflated obstacles that certified paths keep where possible. It hardly
@@ -109,12 +109,6 @@ class Plan:
     free_space: OccupancyGrid
     clearance: float
     grid: OccupancyGrid
-
-    def plot(self) -> Figure:
-        """Return a figure of the map with the path, and of curvature and clearance along it."""
-        from omnidrive.evaluation.figures import path_figure  # noqa: PLC0415 - see decision 0012
-
-        return path_figure(self.grid, self.free_space, self.grid_path, self.spline)
 
     def _repr_html_(self) -> str:
         """Return drawing and main results for notebooks."""

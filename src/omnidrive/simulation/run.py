@@ -18,7 +18,6 @@ from omnidrive.notebook import BLUE, Drawing, box_around, facts_html
 from omnidrive.simulation.log_columns import POSE, TWIST, LogColumn, vector_columns
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from pandas import DataFrame
 
 _MOST_EVENTS = 5  # in notebooks
@@ -161,12 +160,6 @@ class Run:
 
         events = [*self.events, Event(float(self.t[-1]), f"end: {self.ending}")]
         save_log(self.columns, events, path)
-
-    def plot(self) -> Figure:
-        """Return a figure of path, position error and heading error."""
-        from omnidrive.evaluation.figures import run_figure  # noqa: PLC0415 - see decision 0012
-
-        return run_figure(self)
 
     def _repr_html_(self) -> str:
         """Return drawing and main results for notebooks."""

@@ -42,7 +42,7 @@ from omnidrive.study.stored_runs import StoredRuns
 from omnidrive.visualization import Observer
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 _MOST_TABLES = 2  # in notebooks
 
@@ -104,21 +104,6 @@ class Study:
             facts = (f"{r.name} at {r.run.t[-1]:g} s ({r.run.ending})" for r in failed)
             raise RunFailed(f"stopped early: {'; '.join(facts)}")
         return self
-
-    def plot(self, figure: str | None = None) -> Figure:
-        """Return a figure of the study.
-
-        Args:
-            figure: Name of the figure: that of its file in the folder ``figures`` of a run folder,
-                such as xy_comparison, heading_comparison, step_response or noise_differences. None:
-                the first that compares runs.
-
-        Raises:
-            InvalidInput: There is no such figure, or the study has no runs for it.
-        """
-        from omnidrive.evaluation.figures import draw_figure  # noqa: PLC0415 - takes a second
-
-        return draw_figure(self.results, figure)
 
     def _repr_html_(self) -> str:
         """Return verdict, failed runs and main tables for notebooks."""

@@ -4,6 +4,7 @@ from omnidrive.evaluation.figures.catalogue import draw_figure, draw_figures, wr
 from omnidrive.evaluation.figures.control_surface import control_surface
 from omnidrive.evaluation.figures.membership import membership_figure
 from omnidrive.evaluation.figures.plan import path_figure, plan_figure
+from omnidrive.evaluation.figures.plot import plot
 from omnidrive.evaluation.figures.rule_viewer import rule_viewer
 from omnidrive.evaluation.figures.run import run_figure
 from omnidrive.evaluation.figures.style import save
@@ -15,6 +16,7 @@ __all__ = [
     "membership_figure",
     "path_figure",
     "plan_figure",
+    "plot",
     "rule_viewer",
     "run_figure",
     "save",
