@@ -67,3 +67,12 @@ def test_packages_in_messages_are_those_of_the_extras():
         for words in re.findall(r"pip install ([^\",;:\n]+)", text):
             named |= {re.match(r"[\w-]+", word.strip("'"))[0] for word in words.split()}
     assert named == extras
+
+
+def test_suggestions_name_the_nearest_of_many_names_and_sort_sets():
+    many = [f"name{k:02}" for k in range(20)] + ["longitude"]
+    assert suggestion("quux", many, most=30) == f"; there are {', '.join(many)}"
+    assert suggestion("titude of all things that are", many, most=2).startswith(
+        "; there are longitude, name"
+    )
+    assert suggestion("xyzzy", {"b", "c", "a"}) == "; there are a, b, c"

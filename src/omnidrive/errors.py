@@ -32,8 +32,8 @@ from __future__ import annotations
 
 import sysconfig
 import traceback
-from collections.abc import Iterable
-from difflib import get_close_matches
+from collections.abc import Iterable, Set
+from difflib import SequenceMatcher, get_close_matches
 from pathlib import Path
 
 
@@ -197,12 +197,18 @@ def suggestion(name: str, known: Iterable[str], *, most: int = 12) -> str:
     """Return the end of an error message about an unknown name.
 
     It is ``; did you mean 'a'?`` if a known name is similar, otherwise ``; there are a, b`` with at
-    most ``most`` names. The names may come from a file: they are shown as one line, cut if long.
+    most ``most`` names: of more, the nearest. Those of a set are in alphabetic order. The names may
+    come from a file: they are shown as one line, cut if long.
     """
-    names = [one_line(each, 60) for each in known]
+    ordered = sorted(known) if isinstance(known, Set) else known
+    names = [one_line(each, 60) for each in ordered]
     near = closest(name, names)
     if near is not None:
         return f"; did you mean '{near}'?"
+    if len(names) > most:
+        names.sort(
+            key=lambda each: -SequenceMatcher(None, name[:100].lower(), each.lower()).ratio()
+        )
     return f"; there are {', '.join(names[:most])}{', ...' if len(names) > most else ''}"
 
 

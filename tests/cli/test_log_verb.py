@@ -37,6 +37,28 @@ def test_show_tells_states_errors_and_punctuality(folder):
     assert (made / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_run_folder_stands_for_its_log(folder):
+    made, result = folder
+    shown = omnidrive("log", "show", ".", cwd=made)
+    assert shown.stdout == omnidrive("log", "show", "log.mcap", cwd=made).stdout
+    compared = omnidrive("log", "compare", ".", str(made), "--json", cwd=made)
+    assert compared.returncode == 0, compared.stderr
+    identified = omnidrive("robot", "identify", ".", "--robot", "small", "--json", cwd=made)
+    assert json.loads(identified.stdout)["wheel radius"]["reason"].startswith("the log has ")
+    assert result.log.paths[0].name == "log.mcap"
+
+
+def test_folder_without_the_log_of_a_run_names_its_logs(folder, tmp_path):
+    made, _ = folder
+    done = omnidrive("log", "show", ".", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "has no log.mcap\n" in done.stderr
+    (tmp_path / "drive-0001.mcap").write_bytes((made / "log.mcap").read_bytes())
+    done = omnidrive("log", "replay", ".", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "has no log.mcap; name one of its logs: drive-0001.mcap\n" in done.stderr
+
+
 def test_show_prints_json(folder):
     made, result = folder
     done = omnidrive("log", "show", "log.mcap", "--json", cwd=made)

@@ -1,9 +1,9 @@
 """A motor board in a thread, over UDP or a serial line: the reference loop of the protocol."""
 
+import argparse
 import os
 import select
 import socket
-import sys
 import threading
 import time
 from math import pi
@@ -116,12 +116,22 @@ class SerialBoard(Board):
 
 def main(kind, wheels, port):
     """Run a board until the process is killed; print its address."""
-    board = {"udp": UdpBoard, "pty": SerialBoard}[kind](int(wheels), counts=100_000)
-    board.port = int(port)
+    board = {"udp": UdpBoard, "pty": SerialBoard}[kind](wheels, counts=100_000)
+    board.port = port
     board.open()
     print(board.address, flush=True)
     board._run()
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    words = argparse.ArgumentParser(description="A simulated motor board; it prints its address.")
+    words.add_argument("kind", choices=["udp", "pty"], help="UDP, or a serial line (a pty)")
+    words.add_argument("wheels", type=int, help="number of wheels")
+    words.add_argument("port", type=int, nargs="?", default=0, help="of UDP [default: a free one]")
+    chosen = words.parse_args()
+    try:
+        main(chosen.kind, chosen.wheels, chosen.port)
+    except (OSError, OverflowError, ValueError) as error:
+        words.error(f"{error}")
+    except KeyboardInterrupt:
+        print()

@@ -118,6 +118,17 @@ def test_notebooks_show_drive_and_run(result, planned):
     assert len(plot(result.run).axes) == 3
 
 
+@pytest.mark.long
+def test_log_of_a_drive_names_its_components(tmp_path):
+    words = ["drive", "--reference", "circle,radius=0.5", "--robot", "small", "--estimator"]
+    done = omnidrive(*words, "--duration", "3", "--arm", "--out", "folder", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    shown = omnidrive("log", "show", "folder", "--json", cwd=tmp_path)
+    about = json.loads(shown.stdout)["drive"]
+    found = (about["link"], about["controller"], about["estimator"])
+    assert found == ("simulated", "holonomic-nmpc", "kalman")
+
+
 def test_a_robot_that_cannot_be_reached_leaves_the_folder_free(tmp_path):
     """The command can be repeated with the same folder."""
     words = ["drive", "--reference", "circle,radius=0.5", "--robot", "small", "--estimator"]

@@ -1,6 +1,9 @@
 """The line protocol of motor boards, and its link over UDP and a serial line."""
 
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -181,3 +184,21 @@ def test_missing_serial_port_is_named_once(tmp_path):
     link = WheelsLink(named_robot("small"), f"{tmp_path}/ttyNONE")
     with pytest.raises(LinkLost, match=r"ttyNONE cannot be opened: No such file or directory$"):
         link.open(MonotonicClock())
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "the following arguments are required: kind, wheels"),
+        (["tcp", "4"], "invalid choice: 'tcp'"),
+        (["udp", "four"], "invalid int value: 'four'"),
+        (["udp", "4", "99999"], "port must be 0-65535"),
+    ],
+)
+def test_simulated_board_refuses_wrong_words_with_its_usage(words, message):
+    command = [sys.executable, str(Path(__file__).parent / "board.py"), *words]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("usage: board.py")
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from omnidrive.deploy.robot_link import RobotLink
 
 _PANEL = "Robot"
-_LOG = "log.mcap"
 
 
 @with_options()
@@ -122,10 +121,14 @@ def _drive(
     """Drive the robot of a scenario over a link; return the scenario as driven, and the result."""
     from omnidrive.deploy.drive import drive as drive_robot
     from omnidrive.deploy.links.components import LinkContext
-    from omnidrive.deploy.log import DriveLog
+    from omnidrive.deploy.log import RUN_LOG, DriveLog
     from omnidrive.deploy.robot_link import ReportingLink
     from omnidrive.deploy.scenario_files import attached_inputs
-    from omnidrive.deploy.scenario_robot import scenario_pipeline, without_pose_fixes
+    from omnidrive.deploy.scenario_robot import (
+        component_names,
+        scenario_pipeline,
+        without_pose_fixes,
+    )
 
     reference = planned.reference(study.planned_duration(planned))
     start = reference.at(0.0).pose
@@ -138,7 +141,8 @@ def _drive(
     if find_spec("mcap") is None:
         show("no log: it needs the package mcap: pip install mcap")
     else:
-        log = DriveLog(folder.path / _LOG, attached_inputs(folder))
+        names = {"link": chosen.type, **component_names(planned, label)}
+        log = DriveLog(folder.path / RUN_LOG, attached_inputs(folder), names=names)
     result = drive_robot(
         link,
         scenario_pipeline(planned, label),
@@ -162,10 +166,12 @@ def _emptied_unless_begun(folder: study.RunFolder, *, remove: bool) -> Iterator[
         folder: The run folder, which holds nothing but the inputs before the drive begins.
         remove: Whether to remove the folder, too.
     """
+    from omnidrive.deploy.log import RUN_LOG
+
     try:
         yield
     except OmnidriveError:
-        if not (folder.path / _LOG).exists():
+        if not (folder.path / RUN_LOG).exists():
             with suppress(OSError):
                 for each in folder.path.iterdir():
                     each.unlink()

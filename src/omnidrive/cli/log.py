@@ -21,7 +21,11 @@ if TYPE_CHECKING:
 log = verb_group("Show, export, replay and compare logs of drives.")
 
 LogArgument = Annotated[
-    Path, typer.Argument(metavar="FILE.mcap", help="Log of a drive, or the first of its files.")
+    Path,
+    typer.Argument(
+        metavar="FILE.mcap|FOLDER",
+        help="Log of a drive, or the first of its files, or its run folder.",
+    ),
 ]
 _TABLES = (".csv", ".parquet")
 _MOST_EVENTS = 20
@@ -43,7 +47,7 @@ def show(
 
     For example:
 
-    * `omnidrive log show log.mcap`
+    * `omnidrive log show runs/monday`
     * `omnidrive log show log.mcap --png drive.png`
     """
     from omnidrive.deploy.log import read_log

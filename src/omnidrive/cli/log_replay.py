@@ -19,8 +19,12 @@ if TYPE_CHECKING:
     from omnidrive.deploy.log import LoggedDrive
     from omnidrive.deploy.log_replay import LogReplay
 
-_LogArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Log of a drive (.mcap).")]
-_OtherArgument = Annotated[Path, typer.Argument(metavar="OTHER", help="Another log (.mcap).")]
+_LogArgument = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Log of a drive (.mcap), or its run folder.")
+]
+_OtherArgument = Annotated[
+    Path, typer.Argument(metavar="OTHER", help="Another log (.mcap), or its run folder.")
+]
 
 
 def replay(
@@ -56,7 +60,7 @@ def replay(
 
     For example:
 
-    * `omnidrive log replay drive.mcap`
+    * `omnidrive log replay runs/monday`
     * `omnidrive log replay drive.mcap --controller pid --png commands.png`
     """
     from omnidrive.compiled import announce_compiling
@@ -124,7 +128,7 @@ def compare(file: _LogArgument, other: _OtherArgument, json: JsonOption = False)
 
     For example:
 
-    * `omnidrive log compare monday.mcap tuesday.mcap`
+    * `omnidrive log compare runs/monday runs/tuesday`
     """
     from omnidrive.cli.tables import print_tables
     from omnidrive.deploy.log import read_log

@@ -156,8 +156,8 @@ def identify(
         Path,
         typer.Argument(
             metavar="LOG",
-            help="Log of a drive (.mcap), or CSV or Parquet with the columns t, command_vx, "
-            "command_vy, command_yaw_rate, wheel_speed_0, ..., x, y, yaw.",
+            help="Run folder or log (.mcap) of a drive, or CSV or Parquet with the columns t, "
+            "command_vx, command_vy, command_yaw_rate, wheel_speed_0, ..., x, y, yaw.",
         ),
     ],
     name: Annotated[
@@ -182,7 +182,7 @@ def identify(
 
     For example:
 
-    * `omnidrive robot identify runs/monday/log.mcap --robot my_base.yaml`
+    * `omnidrive robot identify runs/monday --robot my_base.yaml`
     * `omnidrive robot identify drive.csv --robot my_base.yaml --out identified.yaml`
     """
     from omnidrive.compiled import announce_compiling
@@ -208,7 +208,7 @@ def identify(
 
 def _samples(log: Path) -> RobotLog:
     """Return the samples of a log of a drive, or of a table."""
-    if log.suffix.lower() == ".mcap":
+    if log.suffix.lower() == ".mcap" or log.is_dir():
         from omnidrive.deploy.identification_log import identification_log
         from omnidrive.deploy.log import read_log as read_drive
 

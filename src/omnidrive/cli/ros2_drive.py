@@ -180,7 +180,8 @@ def _logs(folder: Path | None, settings: DriveSettings) -> LogFolder | None:
         check_new_folder(folder)
     made = folder or default_folder("ros2-drive")
     create_folder(made)
-    return LogFolder(made, {PARAMETERS_FILE: parameters_file(settings)}, _LOG_BYTES)
+    names = {"link": "ros2", "controller": settings.controller_name, "estimator": "none"}
+    return LogFolder(made, {PARAMETERS_FILE: parameters_file(settings)}, _LOG_BYTES, names)
 
 
 def _drive(

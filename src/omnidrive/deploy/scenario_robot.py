@@ -46,6 +46,16 @@ def without_pose_fixes(planned: PlannedScenario) -> PlannedScenario:
     return replace(planned, scenario=scenario)
 
 
+def component_names(planned: PlannedScenario, label: str) -> dict[str, str]:
+    """Return the names of the controller and the estimator of :func:`scenario_pipeline`."""
+    sensors = planned.scenario.sensors
+    estimator = None if sensors is None else sensors.estimator
+    return {
+        "controller": planned.scenario.controllers[label].type,
+        "estimator": "none" if estimator is None else estimator.type,
+    }
+
+
 def scenario_pipeline(planned: PlannedScenario, label: str) -> Pipeline:
     """Return a new pipeline of a scenario: its estimator, supervisor and one controller.
 

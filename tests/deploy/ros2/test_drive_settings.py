@@ -1,8 +1,13 @@
 """Settings of drives in a graph of ROS 2."""
 
+import re
+from dataclasses import fields
+from pathlib import Path
+
 import pytest
 
 from omnidrive.cli.ros2_drive import _motion
+from omnidrive.components.documentation import field_docs
 from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import Pose
@@ -89,3 +94,23 @@ def test_parameters_of_every_node_and_of_this_one_are_joined(tmp_path):
 def test_a_parameter_that_a_reference_lacks_is_an_error_of_the_user():
     with pytest.raises(InvalidInput, match=r"circle: .*has no parameter 'duration'"):
         _motion("circle,duration=6", named_robot("mecanum"), Pose(0.0, 0.0, 0.0), None)
+
+
+def test_documentation_lists_every_parameter_with_its_default_and_meaning():
+    text = (Path(__file__).parents[3] / "docs" / "ros2.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| (.*) \| (.*) \|$", text.split("| parameter |")[1], re.M)
+    meanings = field_docs(DriveSettings)
+    shown = {None: "`null`", False: "`false`", (): "`[]`"}
+    for (name, default, meaning), each in zip(rows, fields(DriveSettings), strict=False):
+        assert (name, meaning) == (each.name, meanings[each.name])
+        assert default == shown.get(each.default, f"`{each.default}`"), name
+    assert len(rows) >= len(fields(DriveSettings))
+
+
+def test_unknown_parameters_name_a_near_one_or_all_in_order():
+    with pytest.raises(InvalidInput, match="no parameter 'max_sped'; did you mean 'max_speed'"):
+        DriveSettings().with_values({"max_sped": 1.0})
+    names = sorted(each.name for each in fields(DriveSettings))
+    with pytest.raises(InvalidInput) as caught:
+        DriveSettings().with_values({"xyzzy": 1.0})
+    assert str(caught.value).endswith(f"; there are {', '.join(names)}")

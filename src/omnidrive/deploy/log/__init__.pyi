@@ -1,8 +1,9 @@
 from .drive_log import DriveLog, LogFolder, LogSummary
-from .logged_drive import LoggedDrive, read_log
+from .logged_drive import RUN_LOG, LoggedDrive, read_log
 from .logged_sample import LoggedSample, Segment
 
 __all__ = [
+    "RUN_LOG",
     "DriveLog",
     "LogFolder",
     "LogSummary",

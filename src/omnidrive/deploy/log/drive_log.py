@@ -93,6 +93,8 @@ class DriveLog:
             are attached to every file.
         max_bytes: Size from which another file is begun, bytes; None: no limit.
         max_time: Time after which another file is begun, s; None: no limit.
+        names: Names of the components ``link``, ``controller`` and ``estimator``, as
+            ``omnidrive list`` shows them; otherwise those of their classes.
 
     Raises:
         InvalidInput: The suffix is not .mcap, or a limit is out of range.
@@ -102,6 +104,7 @@ class DriveLog:
     files: Mapping[str, bytes] = field(default_factory=dict)
     max_bytes: float | None = None
     max_time: float | None = None
+    names: Mapping[str, str] = field(default_factory=dict)
     _queue: SimpleQueue[object] = field(default_factory=SimpleQueue, init=False)
     _thread: threading.Thread | None = field(default=None, init=False)
     _waits: bool = field(default=False, init=False)
@@ -204,12 +207,14 @@ class LogFolder:
         path: The folder, which exists.
         files: Contents of files that are attached to every log, see :class:`DriveLog`.
         max_bytes: Size from which another file is begun, bytes.
+        names: Names of the components, see :class:`DriveLog`.
         count: Number of logs so far.
     """
 
     path: StrPath
     files: Mapping[str, bytes] = field(default_factory=dict)
     max_bytes: float | None = None
+    names: Mapping[str, str] = field(default_factory=dict)
     count: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
@@ -219,7 +224,7 @@ class LogFolder:
         """Return the log of the next drive, to which further ``files`` are attached."""
         self.count += 1
         path = to_path(self.path) / f"drive-{self.count:04}.mcap"
-        return DriveLog(path, {**self.files, **files}, self.max_bytes)
+        return DriveLog(path, {**self.files, **files}, self.max_bytes, names=self.names)
 
 
 class _Writer:
@@ -245,7 +250,7 @@ class _Writer:
         self._dt = start.dt
         offset = time.time_ns() - time.monotonic_ns()
         self._offset = offset if isinstance(start.clock, MonotonicClock) else 0
-        self._description = _description(start, self._offset)
+        self._description = _description(start, self._offset, log.names)
         self._urdf = robot_description(robot, base=BODY)
         duration = start.reference.duration
         self._plan = start.reference.window(0.0, _PLAN_POSES, duration / (_PLAN_POSES - 1))
@@ -326,7 +331,7 @@ class _Writer:
         self._file.abandon()
 
 
-def _description(start: DriveStart, offset: int) -> dict[str, str]:
+def _description(start: DriveStart, offset: int, names: Mapping[str, str]) -> dict[str, str]:
     """Return the metadata of a drive."""
     link, pipeline = start.link, start.pipeline
     watchdog = link.capabilities.watchdog
@@ -345,4 +350,5 @@ def _description(start: DriveStart, offset: int) -> dict[str, str]:
         "duration": repr(float(start.reference.duration)),
         "measures": "; ".join(map(str, start.measures)),
         "detail_units": json.dumps(dict(pipeline.detail_units)),
+        **names,
     }

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -39,11 +40,14 @@ from omnidrive.simulation.run_log import RunLog
 
 _MOST_BYTES = 1 << 27  # of attached files and of events
 _MOST_FILES, _MOST_EVENTS = 10_000, 1_000_000  # a drive adds a file for each path it continues on
+RUN_LOG = "log.mcap"
+"""Name of the log in the run folder of a drive."""
 MOST_SAMPLES = 2_000_000
 """Largest number of samples that are kept in memory at once: 33 minutes at 1 kHz."""
 _TIMED_SAMPLES = 10_000_000
 _CUT = "the log ends before the drive"
 _LARGEST = 1e10  # m and rad
+_MOST_NAMED = 5  # logs in a message
 _DIGITS = 4  # of the number of a file in a rotated log
 
 
@@ -221,13 +225,14 @@ def read_log(path: StrPath) -> LoggedDrive:
     last complete chunk. If the file is the first of several, the others of the drive are read, too.
 
     Args:
-        path: File with the suffix .mcap that ``omnidrive drive`` or :class:`DriveLog` wrote.
+        path: File with the suffix .mcap that ``omnidrive drive`` or :class:`DriveLog` wrote, or a
+            run folder with the file ``log.mcap``.
 
     Raises:
         InvalidLog: It cannot be read, is damaged, or is not the log of a drive.
         MissingExtra: The package mcap is not installed.
     """
-    first = to_path(path)
+    first = _log_file(to_path(path))
     parts = [_read_part(first)]
     paths = [first]
     while parts[-1].end is not None and parts[-1].end.get("last") == "0":
@@ -253,6 +258,18 @@ def read_log(path: StrPath) -> LoggedDrive:
         sum(item.samples for item in items if isinstance(item, Dropped)),
         sum(part.samples for part in parts),
     )
+
+
+def _log_file(path: Path) -> Path:
+    """Return the log in a run folder; a file as it is."""
+    if not path.is_dir():
+        return path
+    found = path / RUN_LOG
+    if found.is_file():
+        return found
+    others = [each.name for each in islice(path.glob("*.mcap"), _MOST_NAMED)]
+    logs = f"; name one of its logs: {', '.join(sorted(others))}" if others else ""
+    raise InvalidLog(one_line(f"the folder {path} has no {RUN_LOG}{logs}"))
 
 
 class _Part(NamedTuple):

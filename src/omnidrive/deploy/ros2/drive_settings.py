@@ -42,11 +42,11 @@ class DriveSettings:
     controller: str = "holonomic-nmpc"
     """Controller, ``NAME[,KEY=VALUE...]``; in a file also ``{type: NAME, KEY: VALUE}``."""
     rate: Annotated[float, Bounds(1.0, 1000.0, "Hz")] = 50.0
-    """Rate of the loop."""
+    """Rate of the loop, Hz."""
     max_speed: float | None = None
     """Largest speed of the reference, m/s; None: that of the robot."""
     margin: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.1
-    """Distance from obstacles of the map, in addition to the robot's radius."""
+    """Distance from obstacles of the map, in addition to the robot's radius, m."""
     world_frame: str = "map"
     """Frame of paths and goals."""
     odom_frame: str = "odom"
@@ -77,7 +77,7 @@ class DriveSettings:
     use_sim_time: bool = False
     """Whether the time is that of ``/clock``."""
     timeout: Annotated[float, Bounds(0.1, 600.0, "s")] = 10.0
-    """Time for which the robot is waited for."""
+    """Time for which the robot is waited for, s."""
 
     def with_values(self, values: Mapping[str, Any], where: str = "") -> DriveSettings:
         """Return the settings with other values; None: unchanged.
@@ -94,9 +94,8 @@ class DriveSettings:
         checked: dict[str, Any] = {}
         for name, value in values.items():
             if name not in known:
-                raise InvalidInput(
-                    f"{where}there is no parameter {short_repr(name)}{suggestion(name, known)}"
-                )
+                near = suggestion(name, known, most=len(known))
+                raise InvalidInput(f"{where}there is no parameter {short_repr(name)}{near}")
             if value is not None:
                 checked[name] = _checked(f"{where}{name}", value, hints[name])
         changed = replace(self, **checked)
@@ -125,6 +124,11 @@ class DriveSettings:
             timeout=self.timeout,
         )
 
+    @property
+    def controller_name(self) -> str:
+        """Name of the controller, without its parameters."""
+        return parse_specification(self.controller).type
+
     def make_robot(self) -> Robot:
         """Return the robot."""
         return named_robot(self.robot)
@@ -139,8 +143,7 @@ class DriveSettings:
         Raises:
             InvalidInput: The controller does not exist, or its code is not allowed.
         """
-        name = parse_specification(self.controller).type
-        find_component("controllers", name, allow_code=allow_code)
+        find_component("controllers", self.controller_name, allow_code=allow_code)
 
     def make_pipeline(
         self, robot: Robot, reports: DriveReports | None = None, *, allow_code: bool = False
