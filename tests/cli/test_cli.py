@@ -216,6 +216,11 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         ),
         (["compare", *QUICK, "--out", "/proc/no/such"], "cannot write to /proc/no/such"),
         (["fly"], "No such command"),
+        (["tune", "a.fis"], "with --controller fuzzy_t1,fuzzy.file=a.fis the gains around"),
+        (
+            ["run", "a.fis"],
+            "a fuzzy system, not a scenario; show it with omnidrive fuzzy show a.fis",
+        ),
     ],
 )
 def test_invalid_input_has_one_message_and_status_2(tmp_path, args, message):

@@ -1,9 +1,11 @@
 """Gains, membership functions and rules of PID controllers as parameters of a scenario."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 import omnidrive as od
 from omnidrive.components import configure, plain
@@ -11,12 +13,15 @@ from omnidrive.control.components import ControllerContext
 from omnidrive.control.pid import gain_inference
 from omnidrive.control.pid.fuzzy_options import FuzzyOptions, RuleOptions, SetOptions
 from omnidrive.control.pid.options import ChannelOptions, FuzzyPidOptions, PidOptions
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, InvalidScenario
 from omnidrive.estimation import State
+from omnidrive.fuzzy import LinearFunction, OutputVariable, save
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
-from omnidrive.scenario import paper_scenario
+from omnidrive.scenario import load_scenario, paper_scenario, save_scenario
+from omnidrive.scenario.controller_file import load_controller, save_controller
 from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
+from omnidrive.study.setup_facts import controller_types
 
 PRESETS = ("paper", "published-code", "recommended")
 KINDS = ("pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3")
@@ -79,6 +84,118 @@ def test_footprints_act():
     assert (base != narrow).any()
     with pytest.raises(ValueError, match="inputs"):
         command("fuzzy_t1", {"fuzzy": {"inputs": {"lag": 0.0}}})
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """Write the systems of the paper: t1.fis and t2.fis."""
+    monkeypatch.chdir(tmp_path)
+    for kind in ("t1", "t2"):
+        save(gain_inference(kind, "paper").system, f"{kind}.fis")
+    return tmp_path
+
+
+@pytest.mark.parametrize("preset", ["paper", "recommended"])
+@pytest.mark.parametrize(
+    ("kind", "file"),
+    [("t1", "t1.fis"), ("t2", "t1.fis"), ("t3", "t1.fis"), ("t2", "t2.fis"), ("t3", "t2.fis")],
+)
+def test_system_in_a_file_gives_the_commands_of_the_same_system(kind, file, preset, files):
+    system = gain_inference(kind, "paper", FuzzyOptions(file="t1.fis")).system
+    assert system.type == int(kind[1])
+    found = command(f"fuzzy_{kind}", {"fuzzy": {"file": file}}, preset)
+    assert (found == command(f"fuzzy_{kind}", {}, preset)).all()
+    other = {"rules": {"kp": [[3] * 7] * 7}}
+    assert (found != command(f"fuzzy_{kind}", {"fuzzy": other}, preset)).any()
+
+
+def test_compiled_law_has_the_system_in_the_file(files):
+    rules = FuzzyOptions(rules=RuleOptions(kp=((3,) * 7,) * 7))
+    save(gain_inference("t1", "paper", rules).system, "other.fis")
+    context = ControllerContext(od.named_robot("small"), 0.1, np.random.default_rng(1), "paper")
+    tuners = [
+        configure("controllers", "fuzzy_t1", values).make(context).compiled_law().data.tune_position
+        for values in ({"fuzzy": {"file": "other.fis"}}, {"fuzzy": plain(rules)}, {})
+    ]
+    assert (tuners[0].floats == tuners[1].floats).all()
+    assert (tuners[0].integers == tuners[1].integers).all()
+    assert tuners[0].integers.tolist() != tuners[2].integers.tolist()
+
+
+PAPER = gain_inference("t1", "paper").system
+WIDE = tuple(replace(each, low=-3.0, high=3.0) for each in PAPER.inputs)
+STRONG = tuple(replace(each, high=0.2) for each in PAPER.outputs)
+FUNCTIONS = tuple(
+    OutputVariable(
+        v.name,
+        -0.1,
+        0.1,
+        tuple(LinearFunction(s.name, 0.0, (0.2, 0.0)) for s in v.sets),
+        defuzzifier="wtaver",
+    )
+    for v in PAPER.outputs
+)
+ONE = tuple(replace(r, consequents=r.consequents[:1]) for r in PAPER.rules)
+
+
+@pytest.mark.parametrize(
+    ("system", "says"),
+    [
+        (replace(PAPER, inputs=WIDE), "the input 'error' has the range [-3, 3], need [-1, 1]"),
+        (replace(PAPER, outputs=STRONG), "the output 'kp' has values from -0.1 to 0.2, need"),
+        (replace(PAPER, outputs=FUNCTIONS), "the output 'kp' has values from -0.2 to 0.2, need"),
+        (replace(PAPER, outputs=PAPER.outputs[::-1]), "outputs are kd, ki, kp, need the order kp"),
+        (gain_inference("t2", "paper").system, "the system in the file is of type 2; use fuzzy_t2"),
+        (
+            replace(PAPER, outputs=PAPER.outputs[:1], rules=ONE),
+            "3 outputs, the changes of kp, ki and kd; this one has 2 inputs (error, derror) and 1",
+        ),
+    ],
+)
+def test_unsuitable_system_in_a_file_is_refused(system, says, files):
+    save(system, "bad.fis")
+    data = scenario_data(paper_scenario())
+    data["controllers"] = {"mine": {"type": "fuzzy_t1", "fuzzy": {"file": "bad.fis"}}}
+    with pytest.raises(InvalidScenario, match=re.escape(says)):
+        parse_scenario(data, "data")
+
+
+@pytest.mark.parametrize(
+    ("kind", "fuzzy", "says"),
+    [
+        ("fuzzy_t1", {"file": "absent.fis"}, "fuzzy: cannot read the fuzzy system absent.fis"),
+        ("fuzzy_t1", {"file": "t1.fis", "kp": {"small": 0.2}}, "leave out kp"),
+        ("fuzzy_t2", {"file": "t2.fis", "inputs": {"lag": 0.2}}, "leave out inputs"),
+        ("fuzzy_t1", {"file": {"name": "a.fis", "content": "x"}}, "the file a.fis: line 1"),
+        ("fuzzy_t1", {"file": {"name": "a.fis", "content": "x" * 1_000_001}}, "has more than"),
+        ("fuzzy_t1", "t1.fis", "must hold keys, such as fuzzy.file=t1.fis for the system"),
+    ],
+)
+def test_invalid_file_is_refused(kind, fuzzy, says, files):
+    data = scenario_data(paper_scenario())
+    data["controllers"] = {"mine": {"type": kind, "fuzzy": fuzzy}}
+    with pytest.raises(InvalidScenario, match=re.escape(says)):
+        parse_scenario(data, "data")
+
+
+def test_scenario_names_the_file_relative_to_itself_and_keeps_its_content(files):
+    (files / "in").mkdir()
+    (files / "t1.fis").rename(files / "in" / "gains.fis")
+    data = scenario_data(paper_scenario())
+    data["controllers"] = {"mine": {"type": "fuzzy_t1", "fuzzy": {"file": "gains.fis"}}}
+    (files / "in" / "s.yaml").write_text(yaml.safe_dump(data))
+    scenario = load_scenario(files / "in" / "s.yaml")
+    content = (files / "in" / "gains.fis").read_text()
+    file = scenario_data(scenario)["controllers"]["mine"]["fuzzy"]["file"]
+    assert file == {"name": "gains.fis", "content": content}
+    (files / "in" / "gains.fis").unlink()
+    save_scenario(scenario, files / "copy.yaml")
+    assert load_scenario(files / "copy.yaml").controllers == scenario.controllers
+    save_controller(scenario.controllers["mine"], files / "mine.yaml")
+    assert load_controller(files / "mine.yaml")["fuzzy"]["file"] == file
+    shown = controller_types(scenario)["mine"]
+    assert shown.parameters == "fuzzy.file.name = gains.fis"
+    assert shown.fuzzy is None
 
 
 def test_scenario_files_contain_given_values_only():

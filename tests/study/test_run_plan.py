@@ -121,6 +121,24 @@ def test_key_depends_on_the_content_of_files(tmp_path):
     assert keys[0] == keys[1] != keys[2]
 
 
+def test_key_depends_on_the_content_of_a_fuzzy_system(tmp_path):
+    from omnidrive.control.pid import gain_inference
+    from omnidrive.fuzzy import save
+
+    path, key = tmp_path / "gains.fis", "controllers.fuzzy_t1.fuzzy.file"
+    system, found = gain_inference("t1", "paper").system, []
+    for rules in (system.rules, system.rules, system.rules[1:]):
+        save(replace(system, rules=rules), path)
+        varied = plan_of(axes={key: [str(path)]}), plan_of(set={key: str(path)})
+        found.append(
+            [{run.key for run in each if run.job.controller == "fuzzy_t1"} for each in varied]
+        )
+    for each in zip(*found, strict=True):
+        assert each[0]
+        assert each[0] == each[1]
+        assert not each[0] & each[2]
+
+
 def test_changed_files_of_the_same_name_change_keys(tmp_path):
     """Code, robot, map and waypoints may be edited between two studies of one process."""
     from omnidrive.maps import OccupancyGrid, save_nav2_map

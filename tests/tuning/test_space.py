@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from omnidrive.components import component_names, configure
+from omnidrive.control.pid import gain_inference
 from omnidrive.errors import InvalidInput
+from omnidrive.fuzzy import save
 from omnidrive.tuning import parameter_space
 from omnidrive.tuning.space import RATIO, changed_values
 from tests.tuning.synthetic import lqr
@@ -95,3 +97,15 @@ def test_patterns_and_ranges():
 def test_bad_choices_are_refused(options, message):
     with pytest.raises(InvalidInput, match=message):
         parameter_space(lqr(), "paper", **options)
+
+
+def test_gains_are_tuned_around_a_system_in_a_file(tmp_path):
+    save(gain_inference("t1", "paper").system, tmp_path / "gains.fis")
+    fuzzy = {"file": str(tmp_path / "gains.fis")}
+    space = parameter_space(configure("controllers", "fuzzy_t1", {"fuzzy": fuzzy}), "paper")
+    names = [each.name for each in space.dimensions]
+    assert "position.kp" in names
+    assert not any(name.startswith("fuzzy") for name in names)
+    tuned = space.controller_with({"position.kp": 9.0})
+    assert tuned.values["position"]["kp"] == 9.0
+    assert tuned.values["fuzzy"]["file"]["name"] == "gains.fis"

@@ -14,6 +14,9 @@ from omnidrive.study.output_paths import WAYPOINT_FORMATS
 
 Kind = Literal["map", "waypoints", "scenario"]
 
+FUZZY_SUFFIXES = (".fis", ".fll", ".fcl", ".fml")
+"""Suffixes of the files of fuzzy systems, without those of any XML file."""
+
 _HEAD = 65_536  # bytes of a YAML file that are searched for keys
 
 
@@ -55,6 +58,12 @@ def _has_key(head: bytes, key: bytes) -> bool:
 
 def check_map_name(file: Path) -> None:
     """Raise InvalidInput unless ``file`` is an installed map or has the suffix of a map format."""
+    if file.suffix.lower() in FUZZY_SUFFIXES:
+        name = one_line(str(file), 60)
+        raise InvalidInput(
+            f"{name} is a fuzzy system, not a scenario; show it with omnidrive fuzzy show {name}, "
+            f"or let it tune gains with --controller fuzzy_t1,fuzzy.file={name}"
+        )
     known = component_names("maps")
     if str(file) not in known and file.suffix.lower() not in known:
         maps = ", ".join(name for name in known if name.startswith("."))

@@ -10,6 +10,7 @@ from omnidrive import scenario as scenarios
 from omnidrive import study
 from omnidrive.cli.completion import component
 from omnidrive.cli.components import with_controllers
+from omnidrive.cli.input_kind import FUZZY_SUFFIXES
 from omnidrive.cli.options import (
     RESULTS_PANEL,
     RUN_PANEL,
@@ -18,7 +19,7 @@ from omnidrive.cli.options import (
     option,
 )
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, one_line
 from omnidrive.files.number_text import parse_number
 
 _PANEL = "Tuning"
@@ -145,6 +146,7 @@ def tune(
     if (folder / "tuning.yaml").is_file():
         problem = tuning.load_tuning(folder, allow_code=shared.allow_code, **given)
     else:
+        _check_is_scenario(shared.scenario)
         scenario, label = _with_controller(
             shared.resolve(), controller, allow_code=shared.allow_code
         )
@@ -190,6 +192,17 @@ class TuningProgress:
         while self._done < done:
             self._live.done(best)
             self._done += 1
+
+
+def _check_is_scenario(name: str) -> None:
+    """Raise InvalidInput if the argument names the file of a fuzzy system."""
+    if Path(name).suffix.lower() in FUZZY_SUFFIXES:
+        file = one_line(name, 60)
+        raise InvalidInput(
+            f"{file} is a fuzzy system, not a scenario. Parameters of controllers are tuned: with "
+            "--controller fuzzy_t1 gains and sets, with also --parameters '*' the rules; with "
+            f"--controller fuzzy_t1,fuzzy.file={file} the gains around the system in the file"
+        )
 
 
 def _with_controller(

@@ -188,7 +188,7 @@ class Inference:
         """
         self._all(inputs)  # raises for invalid inputs
         if self._is_sliced:
-            return Inference(self.system.without_secondary()).fired_rules(*inputs)
+            return Inference(self.system.with_secondary(None)).fired_rules(*inputs)
         x = np.array(inputs, dtype=np.float64)
         lower, upper = rule_strengths(self._floats, self._integers, x)
         results = [

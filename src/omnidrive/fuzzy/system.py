@@ -161,18 +161,25 @@ class FuzzySystem:
             ),
         )
 
-    def without_secondary(self) -> FuzzySystem:
-        """Return the type-2 system with the same footprints."""
+    def with_secondary(self, secondary: Secondary | None) -> FuzzySystem:
+        """Return the system of type 2 or 3 with another secondary membership of every set.
 
-        def plain(sets: Sequence[FuzzySet | LinearFunction]) -> tuple[FuzzySet, ...]:
-            """Return the sets without secondary membership."""
-            return tuple(replace(s, secondary=None) for s in sets if isinstance(s, FuzzySet))
+        Args:
+            secondary: Secondary membership, for type 3; None: type 2.
+
+        Raises:
+            InvalidInput: A set has no footprint.
+        """
+
+        def changed(sets: Sequence[FuzzySet | LinearFunction]) -> tuple[FuzzySet, ...]:
+            """Return the sets with the secondary membership."""
+            return tuple(replace(s, secondary=secondary) for s in sets if isinstance(s, FuzzySet))
 
         return replace(
             self,
-            inputs=tuple(replace(v, sets=plain(v.sets)) for v in self.inputs),
+            inputs=tuple(replace(v, sets=changed(v.sets)) for v in self.inputs),
             outputs=tuple(
-                v if v.is_sugeno else replace(v, sets=plain(v.sets)) for v in self.outputs
+                v if v.is_sugeno else replace(v, sets=changed(v.sets)) for v in self.outputs
             ),
         )
 

@@ -18,10 +18,21 @@ from omnidrive.files.yaml_file import read_yaml
 FORMAT = "omnidrive-controller-1"
 """Name and version of the file format."""
 
+_FUZZY_PIDS = ("fuzzy_t1", "fuzzy_t2", "fuzzy_t3")
+
 
 def is_controller_file(value: Any) -> bool:
     """Return whether the value of a controller in a scenario names a file."""
     return isinstance(value, str) and value.lower().endswith((".yaml", ".yml"))
+
+
+def system_file(value: Any) -> str | None:
+    """Return the name of the file of the fuzzy system of a controller of this package; or None."""
+    if not isinstance(value, dict) or value.get("type") not in _FUZZY_PIDS:
+        return None
+    fuzzy = value.get("fuzzy")
+    name = fuzzy.get("file") if isinstance(fuzzy, dict) else None
+    return name if isinstance(name, str) and name else None
 
 
 def load_controller(path: StrPath) -> dict[str, Any]:
@@ -80,8 +91,12 @@ def files_moved(controllers: Any, move: Callable[[str], str]) -> Any:
     """Return the value of the scenario key ``controllers`` with other names of its files."""
 
     def moved(value: Any) -> Any:
-        """Return the value with the moved name if it is a controller file."""
-        return move(value) if is_controller_file(value) else value
+        """Return the value with the moved names of a controller file and a fuzzy system."""
+        if is_controller_file(value):
+            return move(value)
+        if (name := system_file(value)) is None:
+            return value
+        return {**value, "fuzzy": {**value["fuzzy"], "file": move(name)}}
 
     if isinstance(controllers, dict):
         return {label: moved(each) for label, each in controllers.items()}
@@ -94,7 +109,7 @@ def label_of_file(name: str) -> str:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes lists of numbers on one line."""
+    """Writes lists of numbers on one line, and texts of several lines as such."""
 
 
 def _list(dumper: yaml.SafeDumper, data: list[Any]) -> yaml.Node:
@@ -102,4 +117,10 @@ def _list(dumper: yaml.SafeDumper, data: list[Any]) -> yaml.Node:
     return dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=flat)
 
 
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
+    style = "|" if "\n" in text else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
 _Dumper.add_representer(list, _list)
+_Dumper.add_representer(str, _text)

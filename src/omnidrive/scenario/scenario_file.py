@@ -157,6 +157,8 @@ def _explain(problem: Any, model: type) -> str:
     if kind in {"model_type", "dataclass_type"}:
         names = field_names(_model_at(_fields(problem["loc"]), model))
         first = f", such as {names[0]}: ..." if names else ""
+        if key.endswith(".fuzzy") and isinstance(value, str):
+            first = f", such as fuzzy.file={one_line(value, 60)} for the system in a file"
         return f"{key or 'it'} must hold keys{first}; got {short_repr(value)}"
     message = problem["msg"].removeprefix("Value error, ")
     if kind in {"value_error", "component"}:

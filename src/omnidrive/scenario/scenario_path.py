@@ -236,10 +236,21 @@ def relocated(value: Any, keys: Keys, move: Callable[[str], str]) -> Any:
         if name not in value or is_other:
             return value
         return {**value, name: relocated(value[name], (*keys, name), move)}
-    if keys == ("controllers",):
-        return files_moved(value, move)
+    if head == "controllers" and not isinstance(value, str):
+        return _relocated_controllers(value, keys, move)
     if isinstance(value, str) and value and _names_file(keys, value):
         return move(value)
+    return value
+
+
+def _relocated_controllers(value: Any, keys: Keys, move: Callable[[str], str]) -> Any:
+    """As :func:`relocated`, for all controllers, one, or its fuzzy system."""
+    if len(keys) == 1:
+        return files_moved(value, move)
+    if len(keys) == 2:
+        return files_moved({keys[1]: value}, move)[keys[1]]
+    if keys[2:] == ("fuzzy",) and isinstance(value, dict) and "file" in value:
+        return {**value, "file": relocated(value["file"], (*keys, "file"), move)}
     return value
 
 
@@ -250,6 +261,8 @@ def _names_file(keys: Keys, value: str) -> bool:
         return is_robot_file(value)
     if len(keys) == 2 and keys[0] == "controllers":
         return is_controller_file(value)
+    if keys[0] == "controllers":
+        return keys[2:] == ("fuzzy", "file")
     return keys == ("reference", "file")
 
 

@@ -16,16 +16,17 @@ from omnidrive.choices import WAYPOINTS
 from omnidrive.components import find_component
 from omnidrive.components.entry_points import Group
 from omnidrive.components.fields import plain
-from omnidrive.errors import InvalidReference, OmnidriveError
+from omnidrive.errors import InvalidFuzzyFile, InvalidReference, OmnidriveError
 from omnidrive.execution.versions import VERSIONS
 from omnidrive.files.bounded_file import read_bounded
 from omnidrive.maps import load_map
+from omnidrive.scenario.controller_file import system_file
 from omnidrive.scenario.jobs import Job
 from omnidrive.scenario.scenario_path import CODE_SECTIONS
 from omnidrive.scenario.variant import robot_in
 
 _LEFT_OUT = ("format", "name", "tasks", "controllers", "seed", "plant_robot")
-_MAX_BYTES = 10_000_000  # of a waypoint file
+_MAX_BYTES = 10_000_000  # of a waypoint file or a fuzzy system
 
 
 _PLANNED_BY = ("reference", "map", "start", "goal", "path", "timing", "robot")
@@ -45,8 +46,8 @@ class KeyMaker:
 
     A key is the SHA-256 of a canonical text of the scenario without its name, its tasks and its
     other controllers, the configuration of the controller, the run, the versions of this package
-    and of numerical libraries, and the origins of components. Robots, maps and waypoint files count
-    by their content, not by their names.
+    and of numerical libraries, and the origins of components. Robots, maps, waypoint files and
+    fuzzy systems count by their content, not by their names.
     """
 
     def __init__(self) -> None:
@@ -105,7 +106,9 @@ def _section_text(head: str, data: str) -> str:
     if head in CODE_SECTIONS and isinstance(component, dict):
         text += _origin(CODE_SECTIONS[head], component["type"])
     if head == "reference" and isinstance(value, dict) and value["type"] == WAYPOINTS:
-        text += _file_digest(value["file"])
+        text += _file_digest(value["file"], "waypoint", InvalidReference)
+    if head == "controllers" and (name := system_file(value)) is not None:
+        text += _file_digest(name, "fuzzy system", InvalidFuzzyFile)
     return text
 
 
@@ -137,10 +140,8 @@ def _map_text(section: dict[str, Any]) -> str:
     return _canonical([place, source if source == "paper" else "", section])
 
 
-def _file_digest(file: str) -> str:
-    content = read_bounded(
-        Path(file), _MAX_BYTES, "waypoint", InvalidReference, excess="is too large"
-    )
+def _file_digest(file: str, kind: str, error: type[OmnidriveError]) -> str:
+    content = read_bounded(Path(file), _MAX_BYTES, kind, error, excess="is too large")
     return sha256(content).hexdigest()
 
 

@@ -124,7 +124,9 @@ def _component_text(configured: Configured) -> str:
 
 
 def _changes_text(configured: Configured) -> str:
-    return ", ".join(f"{name} = {value}" for name, value in configured.changes.items())
+    """Return the changed parameters, without the texts of files."""
+    changes = ((name, str(value)) for name, value in configured.changes.items())
+    return ", ".join(f"{name} = {text}" for name, text in changes if "\n" not in text)
 
 
 def controller_types(scenario: Scenario) -> dict[str, ControllerType]:
@@ -141,8 +143,8 @@ def controller_types(scenario: Scenario) -> dict[str, ControllerType]:
 
 
 def _gain_tuning_system(controller: Configured, preset: PresetName) -> FuzzySystem | None:
-    """Return the fuzzy system of a fuzzy PID controller of this package."""
+    """Return the system of a fuzzy PID controller of this package; None for one in a file."""
     kind, options = _KINDS.get(controller.type), controller.parameters
-    if kind is None or not isinstance(options, FuzzyPidOptions):
+    if kind is None or not isinstance(options, FuzzyPidOptions) or options.fuzzy.file is not None:
         return None
     return gain_inference(kind, system_preset(options.preset or preset), options.fuzzy).system

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from jaxtyping import Int
 from pydantic import Field
 
 from omnidrive.arrays import Array
-from omnidrive.components.fields import Given
+from omnidrive.components.fields import Given, plain
 from omnidrive.control.pid.gain_tuning import (
     INPUTS,
     MEDIUM,
@@ -20,6 +20,8 @@ from omnidrive.control.pid.gain_tuning import (
     gain_tuning_system,
 )
 from omnidrive.control.pid.rules import LABELS
+from omnidrive.control.pid.system_file import SystemFile
+from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy import Footprint, FuzzySystem
 from omnidrive.parameter import Bounds
 
@@ -123,9 +125,35 @@ class FuzzyOptions(Given):
     """Sets of the change of kd."""
     rules: RuleOptions = field(default_factory=RuleOptions)
     """Consequents of the rules."""
+    file: str | SystemFile | None = None
+    """File of a system that replaces the paper's: .fis, .fll, .fcl or .fml, with 2 inputs within
+    [-1, 1], the scaled error and its change, and 3 outputs within [-0.1, 0.1], the changes of kp,
+    ki and kd. In a scenario file, its path is relative to that file; scenarios that omnidrive
+    writes hold its `name` and `content`."""
+
+    def __post_init__(self) -> None:
+        if self.file is None:
+            return
+        given = [each for each in (*INPUTS, *OUTPUTS, "rules") if plain(getattr(self, each))]
+        if given:
+            raise InvalidInput(f"the system in the file has sets and rules; leave out {given[0]}")
+        if isinstance(self.file, str):
+            object.__setattr__(self, "file", SystemFile.read(self.file))
+        self._check_type(self._file_system())
+
+    def _file_system(self) -> FuzzySystem:
+        assert isinstance(self.file, SystemFile)
+        return self.file.system
+
+    def _check_type(self, system: FuzzySystem) -> None:
+        """Raise InvalidInput unless the options apply to the type of a system in a file."""
+        if system.type > 1:
+            raise InvalidInput(f"the system in the file is of type {system.type}; use fuzzy_t2")
 
     def system(self, rules: Int[Array, "7 7 3"]) -> FuzzySystem:
-        """Return the type-1 system; ``rules``: table of the preset."""
+        """Return the system, of type 1 or that of a file; ``rules``: table of the preset."""
+        if self.file is not None:
+            return self._file_system()
         names = (*INPUTS, *OUTPUTS)
         return gain_tuning_system(
             self.rules.applied(rules), {name: getattr(self, name).breakpoints for name in names}
@@ -138,8 +166,12 @@ class FuzzyOptions(Given):
     def resolved(
         self, rules: Int[Array, "7 7 3"], inputs: Footprint, outputs: Footprint
     ) -> FuzzyOptions:
-        """Return the options with all values, from those of the preset."""
-        sets = {name: _resolved_sets(getattr(self, name)) for name in (*INPUTS, *OUTPUTS)}
+        """Return the options with all values, from those of the preset; a file has its own."""
+        if self.file is not None:
+            return self
+        sets: dict[str, Any] = {
+            name: _resolved_sets(getattr(self, name)) for name in (*INPUTS, *OUTPUTS)
+        }
         return replace(self, rules=self.rules.resolved(rules), **sets)
 
 
@@ -152,6 +184,11 @@ class IntervalFuzzyOptions(FuzzyOptions):
     outputs: FootprintOptions = field(default_factory=FootprintOptions)
     """Footprint of the sets of the outputs."""
 
+    def _check_type(self, system: FuzzySystem) -> None:
+        given = [each for each in ("inputs", "outputs") if plain(getattr(self, each))]
+        if system.type > 1 and given:
+            raise InvalidInput(f"the sets in the file have footprints; leave out {given[0]}")
+
     def footprints(self, inputs: Footprint, outputs: Footprint) -> tuple[Footprint, Footprint]:
         """Return the footprints of inputs and outputs, from those of the preset."""
         return self.inputs.applied(inputs), self.outputs.applied(outputs)
@@ -160,6 +197,8 @@ class IntervalFuzzyOptions(FuzzyOptions):
         self, rules: Int[Array, "7 7 3"], inputs: Footprint, outputs: Footprint
     ) -> IntervalFuzzyOptions:
         """Return the options with all values, from those of the preset."""
+        if self.file is not None:
+            return self
         inner = super().resolved(rules, inputs, outputs)
         own = {each.name: getattr(inner, each.name) for each in fields(FuzzyOptions)}
         return IntervalFuzzyOptions(

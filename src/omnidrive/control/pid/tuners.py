@@ -47,7 +47,9 @@ def gain_inference(kind: Kind, preset: Preset, options: FuzzyOptions = _PUBLISHE
 
     ``paper`` has the paper's table, exact centroids and, for types 2 and 3, centre-of-sets type
     reduction; ``published-code`` has the code's table and Matlab's centroid. The paper has no
-    type 3: its sets are those of type 2 with the default secondary membership.
+    type 3: its sets are those of type 2 with the default secondary membership. A system in a file
+    has the same options, but samples of the centroid where it has no closed form; one of type 1
+    has the footprints of the preset for types 2 and 3.
 
     Args:
         kind: ``t1``, ``t2`` or ``t3``.
@@ -61,9 +63,10 @@ def gain_inference(kind: Kind, preset: Preset, options: FuzzyOptions = _PUBLISHE
     check_choice("kind of fuzzy system", kind, get_args(Kind))
     rules, inputs, outputs = _PRESETS[preset]
     system = options.system(rules())
-    if kind != "t1":
-        secondary = Secondary() if kind == "t3" else None
-        system = system.with_footprint(*options.footprints(inputs, outputs), secondary)
+    if kind != "t1" and system.type == 1:
+        system = system.with_footprint(*options.footprints(inputs, outputs))
+    if kind == "t3":
+        system = system.with_secondary(Secondary())
     if preset == "published-code":
         return Inference(system, centroid="matlab", out_of_range="matlab", slices=SLICES)
     if kind == "t1":

@@ -66,7 +66,7 @@ def _check_operators(system: FuzzySystem) -> None:
     if system.type == 3:
         raise InvalidInput(
             "a .fis file cannot hold a type-3 system; save its "
-            "without_secondary(), which is of type 2"
+            "with_secondary(None), which is of type 2"
         )
     first = system.outputs[0]
     for output in system.outputs[1:]:
