@@ -21,8 +21,9 @@ from omnidrive.evaluation.paired import (
     repeated_runs,
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
-from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.results import StepResult, StudyResults, TrackResult
 from omnidrive.evaluation.rule_tables import rule_tables
+from omnidrive.evaluation.step_response import STEP_AXES
 from omnidrive.evaluation.table import NO_VALUE, Table, cell_text, number_text
 from omnidrive.evaluation.uncertainty import p_text
 from omnidrive.evaluation.verdict import limit_notes, verdicts
