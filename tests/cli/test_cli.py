@@ -187,7 +187,7 @@ MAP = ["--map", "no.yaml", "--start", "1,1", "--goal", "2,2"]
         (["compare", "--duration", "nan"], "duration must be positive"),
         (["compare", "--speed", "1e-9"], "e+09 s, need 0.1 to 36000 s: choose another duration"),
         (["compare", "--duration", "-5"], "duration must be positive, got -5 s"),
-        (["compare", "--speed", "9"], "is too short for this path"),
+        (["compare", "--speed", "50"], "mean speed of 50 m/s is too high for this path of"),
         (["compare", "--duration", "25", "--speed", "0.4"], "give only one of them"),
         (
             ["compare", "--plant", "rolers"],

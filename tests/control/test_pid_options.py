@@ -9,10 +9,12 @@ import yaml
 
 import omnidrive as od
 from omnidrive.components import configure, plain
+from omnidrive.components.specification import parse_specification
 from omnidrive.control.components import ControllerContext
 from omnidrive.control.pid import gain_inference
 from omnidrive.control.pid.fuzzy_options import FuzzyOptions, RuleOptions, SetOptions
 from omnidrive.control.pid.options import ChannelOptions, FuzzyPidOptions, PidOptions
+from omnidrive.control.pid.rules import paper_rules
 from omnidrive.errors import InvalidInput, InvalidScenario
 from omnidrive.estimation import State
 from omnidrive.fuzzy import LinearFunction, OutputVariable, save
@@ -217,3 +219,33 @@ def test_parameters_of_another_preset_are_refused(preset, name):
         parse_scenario(data, "data")
     with pytest.raises(InvalidInput, match="no such parameter"):
         PidOptions(heading=ChannelOptions(filter_time=1.0)).resolved("paper")
+
+
+def test_one_rule_replaces_that_of_the_preset():
+    text = "fuzzy_t1,fuzzy.rules.kp.ZO.ZO=PB,fuzzy.rules.ki.NB.PB=-2"
+    _, name, values = parse_specification(text)
+    made = configure("controllers", name, values)
+    changes = made.parameters.fuzzy.rules.applied(paper_rules()) - paper_rules()
+    assert np.argwhere(changes).tolist() == [[0, 6, 1], [3, 3, 0]]
+    assert changes[0, 6, 1] == -2
+    assert changes[3, 3, 0] == 3
+    assert configure("controllers", name, made.values) == made  # as a scenario file states it
+
+
+@pytest.mark.parametrize(
+    ("rule", "message"),
+    [
+        ("kp=3", "must be rules such as ZO.ZO=PB .*, or 7 rows of 7 consequents; got 3"),
+        ("kp.ZO=PB", "must be rules such as ZO.ZO=PB .* got 'PB'"),
+        ("kp.XX.ZO=PB", "unknown set 'XX'; sets are NB, NM,"),
+        ("kp.ZO.ZO=BP", "unknown set 'BP'; sets are NB, NM,"),
+        ("kp.ZO.ZO=4", "unknown consequent 4; need one of NB, .* or -3 to 3"),
+        ("kp.ZO.ZO=1.5", "unknown consequent 1.5"),
+        ("kp.ZO.ZO=true", "unknown consequent True"),
+    ],
+)
+def test_bad_rule_is_reported_in_words(rule, message):
+    _, name, values = parse_specification(f"fuzzy_t1,fuzzy.rules.{rule}")
+    with pytest.raises(ValueError, match=message) as error:
+        configure("controllers", name, values)
+    assert "tuple" not in str(error.value)

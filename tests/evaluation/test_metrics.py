@@ -1,11 +1,11 @@
 """Metrics of logs with values computed by hand."""
 
-from math import pi
+from math import nan, pi
 
 import numpy as np
 import pytest
 
-from omnidrive.evaluation import measure
+from omnidrive.evaluation import Metrics, measure
 from omnidrive.robot import named_robot
 from omnidrive.simulation import Outcome, Run
 
@@ -88,3 +88,17 @@ def test_effort_of_commanded_wheel_speeds_equals_that_of_their_twists():
     by_wheels = metrics(still, still, command=unknown, wheel_speed_command=speeds)
     assert by_wheels.wheel_acceleration == pytest.approx(by_twists.wheel_acceleration)
     assert np.isnan(metrics(still, still, command=unknown).wheel_acceleration)
+
+
+def test_text_has_units_and_three_significant_digits():
+    values = dict.fromkeys(Metrics._fields, 0.0) | {
+        "me": 0.002067507303762554, "mae": 0.0008110846442733601, "work": nan, "fallbacks": 3,
+        "step_time_median": 394.235, "arrival": 3.7, "max_error": 5e-8,
+    }  # fmt: skip
+    metrics = Metrics(**values)
+    lines = [" ".join(line.split()) for line in str(metrics).splitlines()]
+    assert len(lines) == len(Metrics._fields)
+    for line in ("ME 2.07 mm", "MAE 0.811 mrad", "max. error < 0.001 mm", "work –",
+                 "step time 394 µs", "arrival 3.70 s", "fallbacks 3"):  # fmt: skip
+        assert line in lines, lines
+    assert repr(metrics).startswith("Metrics(me=0.002067507303762554, ")

@@ -3,6 +3,7 @@
 import csv
 from dataclasses import replace
 from io import StringIO
+from math import isfinite
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from omnidrive.evaluation import Table, study_tables, write_tables
 from omnidrive.evaluation.page.markup import tables_markup
 from omnidrive.evaluation.results import ControllerType
-from omnidrive.evaluation.table import RESOLUTION, leading_number, number_text
+from omnidrive.evaluation.table import RESOLUTION, cell_text, leading_number, number_text
 from omnidrive.evaluation.table_files import csv_text, latex_text
 from omnidrive.evaluation.uncertainty import estimate_mean
 
@@ -63,6 +64,26 @@ def test_best_cells_are_marked_in_each_group():
     assert marked.select([0, 1, 3]).best == {(1, 2)}
     assert marked.brief().columns == ("time", "controller", "ME, mm", "clearance, mm")
     assert leading_number("none") != leading_number("none")
+
+
+def test_negligible_results_are_equally_good():
+    values = (5.53e-5, 2e-4, 9.9e-4, 1.1e-3, 0.0)
+    cells = tuple((cell_text(value), "= 1") for value in values)
+    assert [cell for cell, _ in cells] == ["< 0.001", "< 0.001", "< 0.001", "0.00110", "0"]
+    table = Table("Steps", ("overshoot, %", "p"), cells).mark_best(("overshoot, %",))
+    assert table.best == {(0, 0), (1, 0), (2, 0), (4, 0)}
+    p_values = Table("Test", ("ME, mm", "p"), (("< 0.001", "< 0.001"),))
+    assert csv_text(p_values).splitlines()[1] == "0,< 0.001"
+
+
+@pytest.mark.parametrize("published", [True, False])
+def test_every_column_of_a_quantity_has_a_unit(study, published):
+    """Columns whose cells are numbers are counts, or have a unit."""
+    counts = {"fallbacks", "collisions", "seeds", "factor", "p"}
+    for table in study_tables(study, published=published):
+        for i, name in list(enumerate(table.columns))[table.keys :]:
+            numeric = all(isfinite(leading_number(row[i])) or not row[i] for row in table.rows)
+            assert not numeric or name in counts or ", " in name, (table.title, name)
 
 
 def test_csv_has_numbers_in_cells_of_their_own():
@@ -158,5 +179,5 @@ def test_tables_of_a_study_explain_nothing_that_they_lack(part):
     for absent in ("Settling", "Path ME", "p-value"):
         assert absent not in verdict.footnote + errors.footnote
     assert "first 2 s" in errors.footnote
-    kept = [i for i, name in enumerate(errors.columns) if name != "ME after 2 s"]
+    kept = [i for i, name in enumerate(errors.columns) if name != "ME after 2 s, mm"]
     assert "first 2 s" not in errors.select(kept).footnote

@@ -1,6 +1,7 @@
 """Largest speed of the reference: `timing.max_speed` of a scenario and `--max-speed`."""
 
 import json
+import re
 from math import hypot
 
 import numpy as np
@@ -84,6 +85,18 @@ def test_waypoints_with_times_are_slowed_only_as_far_as_the_largest_speed_requir
     assert slowed.natural == pytest.approx(10.0, rel=1e-3)
     assert peak(slowed.motion) == pytest.approx(0.6, rel=1e-3)
     assert plan_at(limited(1.3, reference=reference)).natural == 5.0
+
+
+@pytest.mark.parametrize("at_speed", [lambda made, speed: retime(made, speed=speed), plan_at])
+@pytest.mark.parametrize("changes", [{}, {"reference": {"type": "circle", "radius": 2}}])
+def test_mean_speed_that_is_too_high_is_named_with_the_highest(changes, at_speed):
+    scenario = paper_scenario().with_values(**changes)
+    with pytest.raises(InvalidReference, match=r"^a mean speed of 50 m/s is too high") as error:
+        at_speed(scenario, 50.0)
+    highest = float(re.findall(r"has ([\d.]+) m/s", str(error.value))[0])
+    at_speed(scenario, highest)
+    with pytest.raises(InvalidReference, match=rf"{highest:g} m/s"):
+        at_speed(scenario, 1.05 * highest)
 
 
 def test_duration_that_contradicts_the_largest_speed_is_an_error():

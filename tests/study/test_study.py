@@ -224,7 +224,7 @@ def test_published_errors_are_shown_for_the_published_timing_only(law, compared)
         small_scenario(tasks=tasks, controllers=("fuzzy_t1",), timing=TimingSection(law=law))
     )
     (tracking,) = (t for t in study.tables if t.title == "Tracking error without noise")
-    assert ("paper ME" in tracking.columns) == compared
+    assert ("paper ME, mm" in tracking.columns) == compared
 
 
 def test_nonempty_folder_is_rejected_before_planning(tmp_path):

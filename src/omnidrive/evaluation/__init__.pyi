@@ -11,13 +11,12 @@ from .paired import (
 from .path_error import PathErrors, path_errors
 from .recovery import Recovery, recovery
 from .results import (
-    STEP_AXES,
     FaultResult,
     StepResult,
     StudyResults,
     TrackResult,
 )
-from .step_response import StepResponse, step_response
+from .step_response import STEP_AXES, StepResponse, step_response
 from .table import Table
 from .table_files import write_tables
 from .tables import study_tables

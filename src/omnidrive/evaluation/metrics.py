@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import nan
+from math import isfinite, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,8 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.control import Status
 from omnidrive.evaluation.path_error import PathErrors, arrivals, path_errors, path_errors_of
+from omnidrive.evaluation.quantities import QUANTITIES
+from omnidrive.evaluation.table import cell_text
 from omnidrive.geometry import wrap
 from omnidrive.robot import Chassis
 from omnidrive.simulation import Run
@@ -50,6 +52,20 @@ class Metrics(NamedTuple):
     """Time from which the robot stays within 0.05 m of the end of the reference, s; NaN: never."""
     fallbacks: int
     """Number of steps without a converged solution of the controller."""
+
+    def __str__(self) -> str:
+        """Return one line per metric: its name, three significant digits, and its unit.
+
+        A metric without a value is a dash.
+        """
+        shown = [(QUANTITIES[name], value) for name, value in self._asdict().items()]
+        width = max(len(each.label) for each, _ in shown)
+        lines = []
+        for each, value in shown:
+            unit = each.shown_unit if isfinite(value) else ""
+            number = str(value) if isinstance(value, int) else cell_text(each.factor * value)
+            lines.append(f"{each.label:<{width}}  {number} {unit}".rstrip())
+        return "\n".join(lines)
 
 
 START_PHASE = 2.0

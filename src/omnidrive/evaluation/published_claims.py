@@ -23,8 +23,8 @@ from omnidrive.evaluation.mean_test import difference_tests
 from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
 from omnidrive.evaluation.quantities import quantity
 from omnidrive.evaluation.repetition_means import repetition_means
-from omnidrive.evaluation.results import STEP_AXES
 from omnidrive.evaluation.run_table import RunTable
+from omnidrive.evaluation.step_response import STEP_AXES
 from omnidrive.evaluation.study_answer import value_text
 from omnidrive.evaluation.table import NO_VALUE, Table, number_text
 from omnidrive.evaluation.uncertainty import CONFIDENCE, holm

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from omnidrive.errors import InvalidInput, one_line, suggestion
-from omnidrive.evaluation.results import STEP_AXES
+from omnidrive.evaluation.step_response import STEP_AXES
 from omnidrive.files.number_text import parse_number
 
 

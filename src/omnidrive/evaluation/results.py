@@ -18,8 +18,6 @@ from omnidrive.reference import ReferencePath
 from omnidrive.robot import Robot
 from omnidrive.simulation import Fault, Run
 
-STEP_AXES = ("x", "y", "heading")
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TrackResult:
@@ -71,7 +69,7 @@ class StepResult:
     Attributes:
         controller: Label of the controller.
         run: Log of the run; the target is constant.
-        responses: Step-response figures, one per axis of :data:`STEP_AXES`.
+        responses: Step-response figures, of x, y and heading.
     """
 
     controller: str

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.evaluation.quantities import quantity
-from omnidrive.evaluation.results import STEP_AXES
+from omnidrive.evaluation.step_response import STEP_AXES
 
 FACTOR_PREFIX = "factor:"
 """Prefix of the columns with the values of axes and random factors, before their path."""

@@ -10,6 +10,9 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 
+STEP_AXES = ("x", "y", "heading")
+"""Coordinates of a step response."""
+
 _FINE = 1e-3  # s; step of the linear interpolation between samples
 
 

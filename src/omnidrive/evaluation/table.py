@@ -100,7 +100,9 @@ class Table:
 
 
 def leading_number(cell: str) -> float:
-    """Return the number at the start of a cell; NaN if there is none."""
+    """Return the number at the start of a cell, 0 for :data:`NEGLIGIBLE`; NaN if there is none."""
+    if cell == NEGLIGIBLE:
+        return 0.0
     try:
         return float(cell.split(" ", 1)[0].replace("\N{MINUS SIGN}", "-"))
     except ValueError:
@@ -112,6 +114,15 @@ RESOLUTION = 1e-6
 
 Smaller values, such as the errors of exact tracking on the plant `kinematic`, are rounding errors.
 """
+
+
+NEGLIGIBLE = "< 0.001"
+"""Cell of a result below 0.001 mm, mrad, % or s, which is better than no other such result."""
+
+
+def cell_text(value: float) -> str:
+    """Format a result in the unit of its column, as :func:`number_text` or :data:`NEGLIGIBLE`."""
+    return NEGLIGIBLE if RESOLUTION <= abs(value) < 1e-3 else number_text(value)
 
 
 def level_text(level: object) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from io import StringIO
 from pathlib import Path
 
-from omnidrive.evaluation.table import NO_VALUE, Table
+from omnidrive.evaluation.table import NEGLIGIBLE, NO_VALUE, Table
 from omnidrive.files.output_file import create_folder, output_file
 from omnidrive.files.str_path import StrPath, to_path
 
@@ -80,7 +80,10 @@ def latex_text(table: Table) -> str:
 
 
 def csv_text(table: Table) -> str:
-    """Return the table as CSV; a cell with ``±`` is two columns, a dash is an empty cell."""
+    """Return the table as CSV; a cell with ``±`` is two columns, a dash is an empty cell.
+
+    A result that is negligible, in a column with a unit, is 0.
+    """
     split = {
         i for i in range(len(table.columns)) if any(_PLUS_MINUS in row[i] for row in table.rows)
     }
@@ -92,7 +95,11 @@ def csv_text(table: Table) -> str:
     ]
     writer.writerow([name for names in headings for name in names])
     for row in table.rows:
-        cells = [_values(cell) if i in split else [_plain(cell)] for i, cell in enumerate(row)]
+        numbers = [
+            "0" if cell == NEGLIGIBLE and ", " in name else cell
+            for name, cell in zip(table.columns, row, strict=True)
+        ]
+        cells = [_values(cell) if i in split else [_plain(cell)] for i, cell in enumerate(numbers)]
         writer.writerow([cell for parts in cells for cell in parts])
     return output.getvalue()
 

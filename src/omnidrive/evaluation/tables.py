@@ -21,9 +21,10 @@ from omnidrive.evaluation.paired import (
     repeated_runs,
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS, PUBLISHED_STEPS
-from omnidrive.evaluation.results import STEP_AXES, StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.results import StepResult, StudyResults, TrackResult
 from omnidrive.evaluation.rule_tables import rule_tables
-from omnidrive.evaluation.table import NO_VALUE, Table, number_text
+from omnidrive.evaluation.step_response import STEP_AXES
+from omnidrive.evaluation.table import NO_VALUE, Table, cell_text, number_text
 from omnidrive.evaluation.uncertainty import p_text
 from omnidrive.evaluation.verdict import limit_notes, verdicts
 from omnidrive.evaluation.verdict_table import verdict_table
@@ -89,7 +90,7 @@ def _run_name(result: TrackResult | StepResult) -> str:
 
 def _cell(result: TrackResult | StepResult, value: float, factor: float = 1.0) -> str:
     """Format a value of a whole run, times ``factor``; a dash if the run stopped early."""
-    return number_text(factor * value) if result.run.outcome is Outcome.FINISHED else NO_VALUE
+    return cell_text(factor * value) if result.run.outcome is Outcome.FINISHED else NO_VALUE
 
 
 def _count_text(count: int) -> str:
@@ -114,7 +115,7 @@ _TRACKING_DEFINITIONS = (
     ("ME, mm", "ME: mean distance to the reference."),
     ("MAE, mrad", "MAE: mean absolute heading error, wrapped."),
     (
-        "ME after 2 s",
+        "ME after 2 s, mm",
         "The robot starts from rest. If the reference starts with a nonzero speed, as in the "
         "paper, the first 2 s cause most of the mean error of an accurate controller.",
     ),
@@ -139,14 +140,15 @@ def _tracking_table(results: StudyResults, published: bool) -> Table:
         )  # fmt: skip
     return Table(
         "Tracking error without noise",
-        ("time", "controller", "ME, mm", "paper ME", "MAE, mrad", "paper MAE",
-         "ME after 2 s", "MAE after 2 s", *_PATH_COLUMNS, *_COST_COLUMNS),
+        ("time", "controller", "ME, mm", "paper ME, mm", "MAE, mrad", "paper MAE, mrad",
+         "ME after 2 s, mm", "MAE after 2 s, mrad", *_PATH_COLUMNS, *_COST_COLUMNS),
         tuple(rows),
         definitions=_TRACKING_DEFINITIONS,
         keys=2,
-        details=_DETAILS | {"MAE after 2 s"},
+        details=_DETAILS | {"MAE after 2 s, mrad"},
     ).mark_best(
-        ("ME, mm", "MAE, mrad", "ME after 2 s", "MAE after 2 s", *_PATH_COLUMNS[:2], *_LOW_COSTS),
+        ("ME, mm", "MAE, mrad", "ME after 2 s, mm", "MAE after 2 s, mrad", *_PATH_COLUMNS[:2],
+         *_LOW_COSTS),
         ("min. clearance, mm",), group=0,
     )  # fmt: skip
 
@@ -171,8 +173,8 @@ def _noise_table(results: StudyResults, published: bool) -> Table:
         )  # fmt: skip
     return Table(
         "Tracking error with the paper's noise",
-        ("time", "controller", "ME measured, mm", "paper ME", "MAE measured, mrad", "paper MAE",
-         "ME true, mm", "MAE true, mrad", *_COST_COLUMNS),
+        ("time", "controller", "ME measured, mm", "paper ME, mm", "MAE measured, mrad",
+         "paper MAE, mrad", "ME true, mm", "MAE true, mrad", *_COST_COLUMNS),
         tuple(rows),
         _SEEDS_NOTE.format(results.repeats) if repeated else "",
         definitions=(
@@ -221,7 +223,7 @@ def _mean_cost_cells(group: RepeatedRuns) -> tuple[str, ...]:
 
     def reduced(reduce: Callable[[Array], float], values: list[float]) -> str:
         """Format the reduced values; a dash if there are none."""
-        return number_text(float(reduce(np.array(values))) if values else nan)
+        return cell_text(float(reduce(np.array(values))) if values else nan)
 
     metrics = [r.metrics for r in results]
     return (
@@ -296,8 +298,8 @@ def _step_table(results: StudyResults, published: bool) -> Table:
             rows.append((_run_name(r), axis, *pairs))
     return Table(
         "Step response",
-        ("controller", "axis", "overshoot, %", "paper %", "rise 10-90 %, s", "paper rise",
-         "settling ±10 %, s", "paper settling"),
+        ("controller", "axis", "overshoot, %", "paper overshoot, %", "rise 10-90 %, s",
+         "paper rise, s", "settling ±10 %, s", "paper settling, s"),
         tuple(rows),
         "Definitions of python-control's step_info, with the commanded value as final value. The "
         "reference steps in x, y and heading at the same time.",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import ceil, isfinite
+from math import ceil, floor, isfinite, log10
 from typing import get_args
 
 from omnidrive.choices import TaskName
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, InvalidReference
 from omnidrive.parameter import check_choice
 from omnidrive.scenario.planned_scenario import PlannedScenario, plan_scenario
 from omnidrive.scenario.scenario import Scenario
@@ -38,6 +38,7 @@ def retime(
     Raises:
         InvalidInput: Both are given, one is not positive, the speed exceeds the largest one of the
             scenario, or a scaled time is out of range.
+        InvalidReference: The mean speed exceeds that of the fastest motion within the limits.
     """
     if duration is not None and speed is not None:
         raise InvalidInput(
@@ -72,6 +73,7 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
         return planned
     desired = _at_speed(planned, speed) if speed else planned.natural or planned.shortest
     duration = _whole(max(desired, DURATION.low), scenario.sample_time)
+    _check_feasible(planned, duration, speed)
     planned.reference(duration)
     return replace(planned, scenario=_scaled(scenario, duration / durations[0]))
 
@@ -95,7 +97,23 @@ def _default_duration(scenario: Scenario, speed: float | None) -> float:
     desired = _at_speed(planned, speed or DEFAULT_SPEED)
     if speed is None:
         desired = planned.natural or max(desired, planned.shortest)
-    return _whole(max(desired, _LEAST_SAMPLES * scenario.sample_time), scenario.sample_time)
+    duration = _whole(max(desired, _LEAST_SAMPLES * scenario.sample_time), scenario.sample_time)
+    _check_feasible(planned, duration, speed)
+    return duration
+
+
+def _check_feasible(planned: PlannedScenario, duration: float, speed: float | None) -> None:
+    """Raise InvalidReference if the duration (s) at a given mean speed (m/s) is infeasible."""
+    least, length = planned.least, planned.path.length
+    if speed is None or duration >= least * (1.0 - 1e-9):
+        return
+    top = length / _whole(least, planned.scenario.sample_time)
+    digits = max(2 - floor(log10(top)), 0)
+    raise InvalidReference(
+        f"a mean speed of {speed:g} m/s is too high for this path of {length:.2f} m: the fastest "
+        f"motion within the limits has {floor(top * 10**digits) / 10**digits:g} m/s "
+        f"and takes {least:.1f} s"
+    )
 
 
 def _at_speed(planned: PlannedScenario, speed: float) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from omnidrive.evaluation import Metrics, Recovery, StepResponse, StepResult, TrackResult
-from omnidrive.evaluation.results import STEP_AXES
+from omnidrive.evaluation.step_response import STEP_AXES
 from omnidrive.scenario.jobs import Result, faults_of
 from omnidrive.simulation import Outcome
 from omnidrive.study.planned_run import PlannedRun

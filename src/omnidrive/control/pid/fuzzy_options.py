@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
-import numpy as np
 from jaxtyping import Int
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from omnidrive.arrays import Array
 from omnidrive.components.fields import Given, plain
@@ -21,17 +21,76 @@ from omnidrive.control.pid.gain_tuning import (
 )
 from omnidrive.control.pid.rules import LABELS
 from omnidrive.control.pid.system_file import SystemFile
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, short_repr
 from omnidrive.fuzzy import Footprint, FuzzySystem
 from omnidrive.parameter import Bounds
 
 _ZERO = LABELS.index("ZO")
 
-_Cell = Annotated[int, Bounds(-3, 3, "")]
+
+def _full_table(value: Any) -> Any:
+    """Return a table of 7 x 7 numbers or None; single rules are a mapping of mappings.
+
+    Raises:
+        ValueError: The value has another form, or contains the name of no set.
+    """
+    if isinstance(value, Mapping):
+        rows: list[list[Any]] = [[None] * len(LABELS) for _ in LABELS]
+        for error, row in value.items():
+            if not isinstance(row, Mapping):
+                raise ValueError(_FORM.format(short_repr(row)))  # noqa: TRY004
+            for change, consequent in row.items():
+                rows[_set_index(error)][_set_index(change)] = consequent
+    elif value is None or _has_entries(value):
+        rows = value
+    else:
+        raise ValueError(_FORM.format(short_repr(value)))
+    if value is None:
+        return None
+    if not all(map(_has_entries, rows)):
+        raise ValueError(_FORM.format(short_repr(value)))
+    return tuple(tuple(map(_number, row)) for row in rows)
+
+
+def _number(cell: Any) -> Any:
+    """Return the number of a consequent from -3 to 3, or None.
+
+    Raises:
+        ValueError: It is no consequent.
+    """
+    if isinstance(cell, str):
+        return _set_index(cell) - _ZERO
+    if cell is not None and (type(cell) is not int or abs(cell) > _ZERO):
+        raise ValueError(
+            f"has the unknown consequent {short_repr(cell)}; need one of {', '.join(LABELS)}, or "
+            f"{-_ZERO} to {_ZERO}"
+        )
+    return cell
+
+
+def _has_entries(value: Any) -> bool:
+    return isinstance(value, list | tuple) and len(value) == len(LABELS)
+
+
+def _set_index(name: Any) -> int:
+    if name not in LABELS:
+        raise ValueError(f"has the unknown set {short_repr(name)}; sets are {', '.join(LABELS)}")
+    return LABELS.index(name)
+
+
+_FORM = (
+    "must be rules such as ZO.ZO=PB (error ZO, its change ZO, consequent PB), or 7 rows of 7 "
+    "consequents; got {}"
+)
+
+_Cell = Annotated[int, Bounds(-3, 3, "")] | None
 _Row = Annotated[tuple[_Cell, ...], Field(min_length=7, max_length=7)]
-RuleTable = Annotated[tuple[_Row, ...], Field(min_length=7, max_length=7)]
+RuleTable = Annotated[
+    tuple[_Row, ...], BeforeValidator(_full_table), Field(min_length=7, max_length=7)
+]
 """Consequents of one gain: rows are the sets of the error, columns those of its change, NB to PB;
--3: NB, -2: NM, -1: NS, 0: ZO, 1: PS, 2: PM, 3: PB."""
+-3: NB, -2: NM, -1: NS, 0: ZO, 1: PS, 2: PM, 3: PB, or these names; None: that of the preset. Single
+rules are a mapping from sets of the error to mappings from sets of its change to consequents."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +119,9 @@ class SetOptions(Given):
 class RuleOptions(Given):
     """Consequents of the rules of each gain: 7 rows, the sets of the error, of 7 columns.
 
-    The columns are the sets of the change of the error; -3: NB to 3: PB. None: the table of the
-    preset.
+    The columns are the sets of the change of the error; -3: NB to 3: PB, or the names. Single rules
+    are `{ZO: {ZO: PB}}`: error ZO, its change ZO, consequent PB; on the command line
+    `fuzzy.rules.kp.ZO.ZO=PB`. None: the table or the rule of the preset.
     """
 
     kp: RuleTable | None = None
@@ -76,8 +136,10 @@ class RuleOptions(Given):
         rules = rules.copy()
         for gain, name in enumerate(OUTPUTS):
             table = getattr(self, name)
-            if table is not None:
-                rules[:, :, gain] = np.array(table, dtype=int) + _ZERO
+            for i, row in enumerate(table or ()):
+                for j, cell in enumerate(row):
+                    if cell is not None:
+                        rules[i, j, gain] = cell + _ZERO
         return rules
 
     def resolved(self, rules: Int[Array, "7 7 3"]) -> RuleOptions:
