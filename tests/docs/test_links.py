@@ -48,12 +48,18 @@ def test_the_readme_fits_on_a_landing_page():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 90
 
 
-def test_results_of_the_readme_show_every_controller_in_both_presets():
-    """And the sentence below: most of the difference between the best and PID is feedforward."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+def _table(page):
+    """Return the text of a page, and the rows of its table of results."""
+    text = (ROOT / page).read_text(encoding="utf-8")
     table = [line[1:-1].split("|") for line in re.findall(r"^\|.*\|$", text, re.MULTILINE)]
     rows = [[cell.strip(" *") for cell in row] for row in table[2:]]
     assert len(rows) == len(DEFAULT_CONTROLLERS["recommended"])
+    return text, rows
+
+
+def test_results_show_every_controller_in_both_presets():
+    """And the sentence below: most of the difference between the best and PID is feedforward."""
+    text, rows = _table("docs/tutorials/paper-study.md")
     errors = {name: list(map(float, numbers)) for name, _, *numbers in rows}
     assert len(errors) == len(rows)  # every controller once
     assert {len(numbers) for numbers in errors.values()} == {2 * 4}
@@ -69,6 +75,12 @@ def test_results_of_the_readme_show_every_controller_in_both_presets():
         errors["feedforward"][paper], errors["interval type-2 fuzzy PID"][recommended],
     ]  # fmt: skip
     assert all(most - error > 0.9 * (most - least) for error in others)
+    _, short = _table("README.md")
+    for (name, said, *found), (full, states, *numbers) in zip(short, rows, strict=True):
+        published = f"{1e3 * float(states):.1f}" if states else ""
+        values = [float(numbers[k]) for k in (paper, recommended)]
+        assert (name, said) == (full, published)
+        assert found == [f"{1e3 * value:.1f}" for value in values]
 
 
 def test_the_drawing_shows_every_package_in_order():
