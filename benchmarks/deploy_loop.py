@@ -158,7 +158,7 @@ def driven(made: Case, cpu: int, name: str, *, beside: bool = True) -> DriveResu
 
 
 def loop_rows(
-    name: str, made: Case, cpu: int, most_missed: float
+    name: str, made: Case, cpu: int, max_missed: float
 ) -> tuple[list[dict[str, object]], DriveResult]:
     """Return the rows of the punctuality of a drive, and the drive."""
     result = driven(made, cpu, name)
@@ -167,7 +167,7 @@ def loop_rows(
     name = f"{name}, {'SCHED_FIFO' if fifo else 'normal priority'}"
     limited = partial(at_most, target=JITTER) if fifo else row
     return [
-        at_most(f"{name}: missed", 100.0 * timing.miss_share, "%", most_missed),
+        at_most(f"{name}: missed", 100.0 * timing.miss_share, "%", max_missed),
         limited(f"{name}: jitter p99", 1e3 * timing.jitter_p99, "ms"),
         row(f"{name}: jitter, largest", 1e3 * timing.jitter_max, "ms"),
         row(f"{name}: until the command is sent, median", 1e6 * timing.busy_median, "us"),

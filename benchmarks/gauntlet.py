@@ -52,7 +52,7 @@ QUICK = Grid(
     robots=("small",), dts=(0.05,), plants=("ball",), references=("eight", "step-all"),
 )  # fmt: skip
 SAID_EVERY = 30.0  # s, where the output is no terminal
-MOST_CHANGES = 60
+MAX_CHANGES = 60
 
 
 def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -171,8 +171,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.against:
         moved = changes(selected, earlier)
         console.print(f"{len(moved)} figures moved by more than 5 %, factor and cell:")
-        shown = moved if len(moved) <= MOST_CHANGES else [
-            *moved[: MOST_CHANGES // 2], *moved[-MOST_CHANGES // 2 :]
+        shown = moved if len(moved) <= MAX_CHANGES else [
+            *moved[: MAX_CHANGES // 2], *moved[-MAX_CHANGES // 2 :]
         ]  # fmt: skip
         for factor, text in shown:
             console.print(f"{factor:8.3f}  {text}", soft_wrap=True)

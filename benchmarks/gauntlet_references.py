@@ -26,7 +26,7 @@ from omnidrive.robot import ROBOTS, Robot
 
 SHARE = 0.7
 """Largest use of the wheel speed and of the forces of the robot, in every case."""
-LEAST_DURATION = 12.0  # s
+MIN_DURATION = 12.0  # s
 SETTLED, ENDED = 3.0, 2.0
 """Errors count from 3 s on; those of a reference that stops at once, until 2 s before its end."""
 STEP_DURATION = 5.0  # s
@@ -81,10 +81,10 @@ def reference_of(name: str, robot: str):
         return Hold(STEPS[name], STEP_DURATION)
     if name == IMPOSSIBLE:
         return ShapeReference(SHAPES["eight"], IMPOSSIBLE_DURATION)
-    motion = ShapeReference(SHAPES[name], LEAST_DURATION)
+    motion = ShapeReference(SHAPES[name], MIN_DURATION)
     robots = {case.robot(ROBOTS[robot]) for case in CASES.values()}
     needed = max(shortest_duration_within(motion, limits_of(each, SHARE)) for each in robots)
-    return ShapeReference(SHAPES[name], max(needed, LEAST_DURATION))
+    return ShapeReference(SHAPES[name], max(needed, MIN_DURATION))
 
 
 def counted(name: str, t: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from omnidrive.arrays import Array
 BLUE, ORANGE, GREY = "#0072b2", "#e69f00", "#8a8a8a"
 """Colours with contrast on white and on black."""
 
-_MOST_POINTS = 300  # of a line
+_MAX_POINTS = 300  # of a line
 _MARGIN = 4.0  # px
 
 
@@ -50,7 +50,7 @@ class Drawing:
     ) -> None:
         """Draw a polyline of at most 300 points; points that are not finite are omitted."""
         points = points[np.isfinite(points).all(axis=1)]
-        step = max(1, ceil(len(points) / _MOST_POINTS))
+        step = max(1, ceil(len(points) / _MAX_POINTS))
         thinned = np.vstack([points[:-1:step], points[-1:]])
         dash = ' stroke-dasharray="4 3"' if dashed else ""
         self._parts.append(

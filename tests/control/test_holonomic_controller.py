@@ -17,8 +17,8 @@ from omnidrive.control.nmpc.holonomic import (
     HolonomicSolverSettings,
     KeepOutZone,
 )
+from omnidrive.control.nmpc.holonomic.acceleration_ratio import reached_share
 from omnidrive.control.nmpc.holonomic.law import OLD_PLAN_STEPS, RAMP_STEPS
-from omnidrive.control.nmpc.holonomic.reached_acceleration import reached_share
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput

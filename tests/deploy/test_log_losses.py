@@ -24,7 +24,7 @@ from tests.deploy.test_drive_log import logged
 from tests.memory import allocates_at_most
 
 MAGIC = b"\x89MCAP0\r\n"
-MOST_LOST = 0.5  # s
+MAX_LOST = 0.5  # s
 
 
 @cache
@@ -81,7 +81,7 @@ def test_kill_loses_at_most_half_a_second(count, tmp_path):
         samples = list(found.samples())
         last = max(each.read.stamp for each in samples if each.read is not None)
         assert killed - last + 1.0 / RATE >= 0.0
-        assert killed - last <= MOST_LOST, (count, k)
+        assert killed - last <= MAX_LOST, (count, k)
         late = [each for each in samples if each.late > 0.1]  # of a busy computer
         assert len(samples) >= samples[-1].number - 100 * len(late) - 5
         assert found.run().ending.endswith("the log ends before the drive")

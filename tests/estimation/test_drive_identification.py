@@ -19,7 +19,8 @@ from omnidrive.estimation.drive_estimate import (
     settings_around,
 )
 from omnidrive.estimation.drive_identification import CONTINUE, START, DriveSample, identify
-from omnidrive.estimation.drive_memory import (
+from omnidrive.estimation.drive_response import DriveModel
+from omnidrive.estimation.identification_state import (
     _BEGINS,
     _SHAPES,
     LAG,
@@ -27,7 +28,6 @@ from omnidrive.estimation.drive_memory import (
     command_count,
     memory_size,
 )
-from omnidrive.estimation.drive_response import DriveModel
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import ShapeReference
 from omnidrive.reference.shapes import Eight

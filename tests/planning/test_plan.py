@@ -23,12 +23,10 @@ def room(*walls):
     return OccupancyGrid(occupied, 0.1)
 
 
-def plan_path(
-    grid, start=(1.0, 1.0), goal=(5.0, 3.0), inflation=0.3, least_inflation=0.0, **options
-):
+def plan_path(grid, start=(1.0, 1.0), goal=(5.0, 3.0), inflation=0.3, min_inflation=0.0, **options):
     return plan(
         grid, Waypoint(*start), Waypoint(*goal), inflation=inflation,
-        options=PathOptions(**options), least_inflation=least_inflation,
+        options=PathOptions(**options), min_inflation=min_inflation,
     )  # fmt: skip
 
 
@@ -121,12 +119,12 @@ def test_way_out_of_a_narrow_map_helps():
     grid = OccupancyGrid(occupied, 0.1)
     for least, advice in ((0.1, "lower the margin"), (0.35, "the robot is too large without a")):
         with pytest.raises(NoPathFound, match=advice):
-            plan_path(grid, inflation=0.4, least_inflation=least)
+            plan_path(grid, inflation=0.4, min_inflation=least)
     occupied[10:15, 30] = True
     with pytest.raises(NoPathFound, match="a robot of any size needs a gap in the obstacles"):
         plan_path(grid, inflation=0.4)
     with pytest.raises(InvalidWaypoint, match="the robot is too large without a margin"):
-        plan_path(ROOM, inflation=3.0, least_inflation=2.9)
+        plan_path(ROOM, inflation=3.0, min_inflation=2.9)
 
 
 def test_spline_needs_four_finite_control_points():

@@ -86,7 +86,7 @@ def test_stored_runs_are_not_computed_again(tmp_path):
         experiment(tmp_path / "a", plan, noted=noted).execute(report=interrupt_after(20))
     with Store(tmp_path / "a") as store:
         assert 20 <= store.status().runs < 50
-        assert not store._connection.execute("SELECT * FROM claims").fetchall()
+        assert not store._connection.execute("SELECT * FROM leases").fetchall()
     experiment(tmp_path / "a", plan, noted=noted).execute()
     counts = Counter(noted.read_text().split())
     assert set(counts.values()) == {1}
@@ -259,7 +259,7 @@ def test_interrupted_experiment_ends_its_workers_and_resumes(tmp_path):
     assert present
     assert not psutil.wait_procs(present, timeout=5)[1]
     with Store(folder) as store:
-        assert not store._connection.execute("SELECT * FROM claims").fetchall()
+        assert not store._connection.execute("SELECT * FROM leases").fetchall()
         assert 20 <= store.status().runs < 2000
     assert (folder / FILE).exists()
 

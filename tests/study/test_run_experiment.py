@@ -83,7 +83,7 @@ def test_repetitions_are_added_until_the_interval_is_narrow(tmp_path):
     scenario = small_scenario(controllers=("feedforward",), tasks=tasks)
     definition = study(scenario=scenario_data(scenario), axes={})
     rule, notes = StopRule.parse("me:8mm"), []
-    run_experiment(definition, tmp_path, until=rule, note=notes.append, most_repetitions=200)
+    run_experiment(definition, tmp_path, until=rule, note=notes.append, max_repetitions=200)
     with Store(tmp_path, read_only=True) as store:
         table = store.records()
         assert store.fact("until") == "me:0.008"
@@ -93,7 +93,7 @@ def test_repetitions_are_added_until_the_interval_is_narrow(tmp_path):
     assert rule.check(table).reached
     assert load_study(tmp_path)[1] == "me:0.008"
     again = []
-    run_experiment(definition, tmp_path, until=rule, note=again.append, most_repetitions=200)
+    run_experiment(definition, tmp_path, until=rule, note=again.append, max_repetitions=200)
     assert again[-1] == notes[-1]
 
 

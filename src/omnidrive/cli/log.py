@@ -28,7 +28,7 @@ LogArgument = Annotated[
     ),
 ]
 _TABLES = (".csv", ".parquet")
-_MOST_EVENTS = 20
+_MAX_EVENTS = 20
 
 
 @log.command()
@@ -161,8 +161,8 @@ def _lines(found: LoggedDrive, run: Run | None) -> list[str]:
     if not found.complete:
         lines.append(f"{'end':<20}missing: the process was killed, or the disk was full")
     lines += ["", *(f"{c.t:8.3f} s  {c.state.value:<8} {c.reason}" for c in found.changes)]
-    lines += [f"{each.t:8.3f} s  {each.what}" for each in found.events[:_MOST_EVENTS]]
-    more = len(found.events) - _MOST_EVENTS
+    lines += [f"{each.t:8.3f} s  {each.what}" for each in found.events[:_MAX_EVENTS]]
+    more = len(found.events) - _MAX_EVENTS
     lines += [f"and {more} more events: --json lists them", ""] if more > 0 else [""]
     if run is not None:
         errors = _errors(run)

@@ -53,7 +53,7 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
     * `omnidrive study status runs/friction`
     """
     from omnidrive.cli.terminal import count_text, print_json, show, warn
-    from omnidrive.study.claims import at_work
+    from omnidrive.study.leases import at_work
     from omnidrive.study.store import Store
     from omnidrive.study.study_folder import resume_command, study_outline
 

@@ -31,7 +31,7 @@ from omnidrive.errors import (
     suggestion,
 )
 
-_MOST_NESTED = 5  # names in deeper groups that a message suggests
+_MAX_NESTED = 5  # names in deeper groups that a message suggests
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
 _FRAMES = 3  # calls shown of a traceback
 _OTHER_CODE = (
@@ -192,7 +192,7 @@ class Component:
             parts = each.name.split(".")
             if parts[:start] == groups and name in parts[start + 1 :]:
                 found.append(".".join(parts[start : parts.index(name, start + 1) + 1]))
-        return list(dict.fromkeys(found))[:_MOST_NESTED]
+        return list(dict.fromkeys(found))[:_MAX_NESTED]
 
     def make(self, context: Any = None, parameters: Any = None) -> Any:
         """Return a new product of the factory.

@@ -42,7 +42,7 @@ def plain(value: Any) -> Any:
     return [plain(item) for item in value] if isinstance(value, tuple | list) else value
 
 
-class Given:
+class PresetDefaults:
     """Base class of dataclasses of which a field that is None stands for the value of a preset.
 
     Such a field is not written to files.

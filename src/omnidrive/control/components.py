@@ -26,7 +26,7 @@ class ControllerContext:
     """Context of a controller, an argument of its factory.
 
     Attributes:
-        robot: The robot, as far as the controllers know it.
+        robot: Model of the robot in controllers.
         dt: Sample time, s.
         rng: Generator of random numbers, for controllers that need them; it depends on the seed of
             the run only.

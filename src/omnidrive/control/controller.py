@@ -17,7 +17,7 @@ from omnidrive.estimation import State
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
 
-_MOST_SAMPLES = 100_000
+_MAX_SAMPLES = 100_000
 _ROUNDING = 1e-3
 
 
@@ -252,7 +252,7 @@ def limits_notice(controller: LimitedController, reference: Reference, dt: float
         raise TypeError(f"command_limits must return CommandLimits, not {kind_of(limits)}")
     if not isfinite(min(limits)):
         return ""
-    count = min(round(reference.duration / dt), _MOST_SAMPLES) + 1
+    count = min(round(reference.duration / dt), _MAX_SAMPLES) + 1
     vx, vy, yaw_rate = np.abs(reference.window(0.0, count, dt)[:, 3:]).T
     peaks = CommandLimits(float(np.hypot(vx, vy).max()), float(yaw_rate.max()))
     excesses = [

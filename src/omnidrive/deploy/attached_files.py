@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from omnidrive.errors import InvalidLog, short_repr
 
-_MOST_FILES = 100
+_MAX_FILES = 100
 
 
 @contextmanager
@@ -19,8 +19,8 @@ def attached_files(files: Mapping[str, bytes]) -> Iterator[Path]:
     Raises:
         InvalidLog: There are more than 100 files, or one has an unusable name.
     """
-    if len(files) > _MOST_FILES:
-        raise InvalidLog(f"the log holds more than {_MOST_FILES} files of its scenario")
+    if len(files) > _MAX_FILES:
+        raise InvalidLog(f"the log holds more than {_MAX_FILES} files of its scenario")
     for name in files:
         if not _is_plain(name):
             raise InvalidLog(f"the log holds a file with the unusable name {short_repr(name)}")

@@ -20,7 +20,7 @@ from omnidrive.geometry import BodyTwist
 from omnidrive.robot import Robot
 from omnidrive.simulation.identification import RobotLog
 
-_MOST_SAMPLES = 1_000_000
+_MAX_SAMPLES = 1_000_000
 _MAX_GAP = 0.4  # s, without readings: the watchdog of a robot may stop it
 _MAX_SAMPLES_GAP = 2.5  # sample times without readings, if that is longer
 _LATEST = 1e10  # s, of a stamp
@@ -50,8 +50,8 @@ def identification_log(logged: LoggedDrive) -> RobotLog:
     Raises:
         InvalidLog: It has no stretch with pose fixes, commands torques, is too long or damaged.
     """
-    if logged.sample_count > _MOST_SAMPLES:
-        raise InvalidLog(f"the log has more than {_MOST_SAMPLES:,} samples")
+    if logged.sample_count > _MAX_SAMPLES:
+        raise InvalidLog(f"the log has more than {_MAX_SAMPLES:,} samples")
     best: _Stretch | None = None
     for run in _runs(logged.samples()):
         for stretch in _stretches(run, logged.robot, logged.dt):

@@ -16,7 +16,7 @@ class EstimatorContext:
     """Context of a state estimator, an argument of its factory.
 
     Attributes:
-        robot: The robot, as far as it is known.
+        robot: Model of the robot.
         sensors: Its sensors.
         forces: Whether motors, masses and friction act, so that wheels may slip.
     """

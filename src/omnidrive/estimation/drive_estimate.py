@@ -106,7 +106,8 @@ def drive_estimate(values: Float[Array, " values"]) -> DriveEstimate:
     """Return the estimates for the chosen delay, and their standard errors.
 
     Args:
-        values: Those of :attr:`~.drive_memory.DriveMemory.estimate`, with which the memory begins.
+        values: Those of :attr:`~.identification_state.DriveMemory.estimate`, with which the memory
+            begins.
     """
     x, y, yaw, lag, delay, yaw_lag, *errors = values[:VALUES].tolist()
     by_x, by_y, by_yaw, by_lag, by_delay, by_yaw_lag, by_sum = errors

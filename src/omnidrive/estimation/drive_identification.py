@@ -39,7 +39,9 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.estimation.drive_estimate import HYPOTHESES, DriveSettings
-from omnidrive.estimation.drive_memory import (
+from omnidrive.estimation.drive_prediction import predict
+from omnidrive.estimation.drive_response import DriveModel, inverse_lags, unit_of
+from omnidrive.estimation.identification_state import (
     LAG,
     PARAMETERS,
     DriveMemory,
@@ -54,8 +56,6 @@ from omnidrive.estimation.drive_memory import (
     restart_hypothesis,
     update_estimate,
 )
-from omnidrive.estimation.drive_prediction import predict
-from omnidrive.estimation.drive_response import DriveModel, inverse_lags, unit_of
 from omnidrive.geometry.kernels import wrap
 from omnidrive.robot.slip import Vector
 
@@ -131,7 +131,7 @@ def identify(  # noqa: PLR0917
         model: Response of the robot to the twist of its motors.
         settings: Bounds and forgetting.
         known: Gains of x, y and yaw, lag (s) and delay (s) before the first sample.
-        values: The memory, see :func:`~.drive_memory.memory_in`; changed in place.
+        values: The memory, see :func:`~.identification_state.memory_in`; changed in place.
         now: The sample.
         drive: Output; what a controller should use: gains, lag in x and y, delay, one value that
             is left as it is, and the lag in yaw.
@@ -149,9 +149,13 @@ def identify(  # noqa: PLR0917
 
 @compiled
 def _update(
-    model: DriveModel, settings: DriveSettings, memory: DriveMemory, now: DriveSample, learns: bool
+    model: DriveModel,
+    settings: DriveSettings,
+    memory: DriveMemory,
+    now: DriveSample,
+    update_parameters: bool,
 ) -> None:
-    """Predict and correct every hypothesis, and choose one; parameters and delay if it learns."""
+    """Predict and correct every hypothesis, and choose one; update parameters and delay, too."""
     commands, dt, pose, variances = memory.commands, now.dt, now.pose, now.variances
     for k in range(len(commands) - 1, 0, -1):
         for j in range(4):
@@ -168,12 +172,12 @@ def _update(
         h = hypothesis(memory, k)
         predict(model, rates, h, commands, dt)
         if fresh:
-            _correct(model, settings, h, pose, variances, dt, scale, learns)
+            _correct(model, settings, h, pose, variances, dt, scale, update_parameters)
         if not _size(h) < _LARGEST:
             restart_hypothesis(h, pose if measured else _REST, _REST)
             for a in range(3):
                 h.state_covariance[a, 1, 1] = (unit_of(model, a) * _UNKNOWN_TWIST) ** 2
-    if fresh and learns:
+    if fresh and update_parameters:
         _compare(memory, dt, scale, min(excess, 1.0))
         _choose(settings, memory)
 
@@ -184,7 +188,7 @@ def _compare(memory: DriveMemory, dt: float, scale: float, unexplained: float) -
 
     The variance that wheel slip adds is that of the hypothesis with most slip: it is an upper
     bound, so that its logarithm must not decide. The caution with slip is needed only as far as no
-    hypothesis explains the slip: one that does so knows the friction.
+    hypothesis explains the slip: one that does so has the right friction.
 
     Args:
         memory: Changed in place.
@@ -243,21 +247,21 @@ def _correct(  # noqa: PLR0917
     variances: Vector,
     dt: float,
     scale: float,
-    learns: bool,
+    update_parameters: bool,
 ) -> None:
-    """Correct the states, and the parameters if it ``learns``, by a measured pose."""
+    """Correct the states, and with ``update_parameters`` the parameters, by a measured pose."""
     yaw = h.pose[2]
     c, s = cos(yaw), sin(yaw)
     dx, dy = pose[0] - h.pose[0], pose[1] - h.pose[1]
     innovation = (c * dx + s * dy, c * dy - s * dx, wrap(pose[2] - yaw))
-    _record(h, innovation, variances, dt, scale, learns)
+    _record(h, innovation, variances, dt, scale, update_parameters)
     if _is_moved(h, innovation):
         _move(h, pose, innovation, variances, dt)
         return
     change, shift = h.work[0], h.work[1]
     change[:] = 0.0
     for a in range(3):
-        if learns:
+        if update_parameters:
             _correct_parameters(model, h, a, innovation[a], change)
         shift[a] = _correct_states(h, a, innovation[a], variances[a])
     limit_parameters(settings, h, change)
@@ -276,7 +280,12 @@ def _correct(  # noqa: PLR0917
 
 @compiled
 def _record(  # noqa: PLR0917
-    h: Hypothesis, innovation: Vector, variances: Vector, dt: float, scale: float, learns: bool
+    h: Hypothesis,
+    innovation: Vector,
+    variances: Vector,
+    dt: float,
+    scale: float,
+    update_parameters: bool,
 ) -> None:
     """Record innovations and their variances, from the states and from the parameters.
 
@@ -293,7 +302,9 @@ def _record(  # noqa: PLR0917
         known = h.state_covariance[a, 0, 0] + variances[a] + _MIN_VARIANCE
         h.innovations[a, 1] = (scale + _SLIP_CAUTION * h.figures[3]) * known
         h.innovations[a, 2] = by_parameters
-        largest = max(largest, innovation[a] ** 2 / (known + (by_parameters if learns else 0.0)))
+        largest = max(
+            largest, innovation[a] ** 2 / (known + (by_parameters if update_parameters else 0.0))
+        )
     share = min(dt / _SCALE_MEMORY, 1.0)
     h.figures[5] += share * (min(largest, _LARGEST_SQUARE) - h.figures[5])
 

@@ -8,16 +8,16 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.estimation.drive_memory import LAG, PARAMETERS, YAW_LAG, Hypothesis
 from omnidrive.estimation.drive_response import (
     DriveModel,
     axis_slopes,
     respond,
     unit_of,
 )
+from omnidrive.estimation.identification_state import LAG, PARAMETERS, YAW_LAG, Hypothesis
 from omnidrive.robot.slip import Vector
 
-_LEAST_LAG_STEP, _LEAST_GAIN_STEP = 0.005, 1e-6
+_MIN_LAG_STEP, _MIN_GAIN_STEP = 0.005, 1e-6
 """Least steps of the difference quotients by the lag, s, and by a gain."""
 _VELOCITY = 0.0005
 """Standard deviation of the velocity that the model does not explain, m/s."""
@@ -37,7 +37,7 @@ _DRIFT = 0.0008
 @compiled
 def _step(h: Hypothesis, parameter: int) -> float:
     """Return the step of the difference quotients by a parameter: its standard error."""
-    least = _LEAST_LAG_STEP if parameter >= LAG else _LEAST_GAIN_STEP
+    least = _MIN_LAG_STEP if parameter >= LAG else _MIN_GAIN_STEP
     return max(sqrt(h.covariance[parameter, parameter]), least)
 
 

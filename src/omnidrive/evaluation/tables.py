@@ -250,13 +250,13 @@ def paired_table(results: StudyResults) -> Table:
         "negative if the first is more accurate. Intervals: of each pair by itself. p and "
         "result: Holm-corrected for the number of pairs, separately for each error, so that an "
         "interval without 0 may stand beside “no difference shown” (p >= 0.05). "
-        f"{_least_seeds(differences)}Only seeds for which both runs finished count.",
+        f"{_min_seeds(differences)}Only seeds for which both runs finished count.",
         keys=3,
         is_detail=True,
     )  # fmt: skip
 
 
-def _least_seeds(differences: Sequence[PairedDifference]) -> str:
+def _min_seeds(differences: Sequence[PairedDifference]) -> str:
     """Return the sentence on the least numbers of seeds; empty without differences."""
     if not differences:
         return ""

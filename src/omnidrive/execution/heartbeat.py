@@ -7,7 +7,7 @@ from threading import Event, Thread
 from time import monotonic
 
 _FIRST = 60.0  # s without a finished run before the first message; doubles with each message
-_MOST_NAMES = 4  # in a message
+_MAX_NAMES = 4  # in a message
 
 _log = logging.getLogger("omnidrive")
 
@@ -55,6 +55,6 @@ class Heartbeat:
         """Return which runs are executed, and for how long."""
         now = monotonic()
         runs = [f"{name} ({now - begun:.0f} s)" for name, begun in [*self._running.items()]]
-        more = f" and {len(runs) - _MOST_NAMES} more" if len(runs) > _MOST_NAMES else ""
-        shown = ", ".join(runs[:_MOST_NAMES]) + more
+        more = f" and {len(runs) - _MAX_NAMES} more" if len(runs) > _MAX_NAMES else ""
+        shown = ", ".join(runs[:_MAX_NAMES]) + more
         return f"running: {shown}" if runs else "worker processes are starting"

@@ -9,7 +9,7 @@ from omnidrive.fuzzy.variables import FuzzySet, LinearFunction, Variable
 from omnidrive.notebook import BLUE, ORANGE, Drawing
 
 _SAMPLES = 101
-_MOST_SETS = 12
+_MAX_SETS = 12
 
 
 def sets_svg(variable: Variable) -> str:
@@ -17,8 +17,8 @@ def sets_svg(variable: Variable) -> str:
 
     At most 12 sets are drawn. Constants of a Sugeno output are drawn as vertical lines.
     """
-    functions = [each for each in variable.sets[:_MOST_SETS] if isinstance(each, LinearFunction)]
-    sets = [each for each in variable.sets[:_MOST_SETS] if isinstance(each, FuzzySet)]
+    functions = [each for each in variable.sets[:_MAX_SETS] if isinstance(each, LinearFunction)]
+    sets = [each for each in variable.sets[:_MAX_SETS] if isinstance(each, FuzzySet)]
     constants = [each.constant for each in functions if not any(each.coefficients)]
     if not sets and not constants:
         return ""

@@ -24,7 +24,7 @@ from omnidrive.notebook import captioned, facts_html
 from omnidrive.parameter import check_choice
 
 MAX_VARIABLES, MAX_RULES = 64, 100_000
-_MOST_DRAWINGS, _MOST_NAMES = 8, 7  # in notebooks
+_MAX_DRAWINGS, _MAX_NAMES = 8, 7  # in notebooks
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ class FuzzySystem:
             for v in variables
         }
         facts["rules"] = f"{len(self.rules)}; and: {self.conjunction}, or: {self.disjunction}"
-        drawings = (captioned(sets_svg(v), v.name) for v in self.variables[:_MOST_DRAWINGS])
+        drawings = (captioned(sets_svg(v), v.name) for v in self.variables[:_MAX_DRAWINGS])
         title = f"Fuzzy system {self.name}: {kind}, type {self.type}"
         return facts_html(title, facts, *drawings)
 
@@ -186,7 +186,7 @@ class FuzzySystem:
 
 def _listed(names: Sequence[str]) -> str:
     """Return the first seven names, separated by commas."""
-    return ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
+    return ", ".join(names[:_MAX_NAMES]) + (", ..." if len(names) > _MAX_NAMES else "")
 
 
 def _check_proposition(

@@ -11,7 +11,7 @@ from omnidrive.arrays import Array
 from omnidrive.maps import OccupancyGrid
 from omnidrive.notebook import BLUE, GREY, Drawing
 
-_MOST_BLOCKS = 60  # along each side of the map
+_MAX_BLOCKS = 60  # along each side of the map
 
 
 def path_svg(grid: OccupancyGrid, positions: Float[Array, "points 2"]) -> str:
@@ -24,7 +24,7 @@ def path_svg(grid: OccupancyGrid, positions: Float[Array, "points 2"]) -> str:
     """
     drawing = Drawing(grid.extent, width=200.0)
     rows, cols = grid.occupied.shape
-    k = ceil(max(rows, cols) / _MOST_BLOCKS)
+    k = ceil(max(rows, cols) / _MAX_BLOCKS)
     for row, first, end in _runs(_blocks(grid.occupied, k)):
         corners = np.array([(row, first), (row, end), (row + 1, end), (row + 1, first)], float)
         corners = np.minimum(corners * k, (rows, cols))

@@ -130,7 +130,7 @@ def plan(
     inflation: float,
     options: PathOptions,
     inflation_note: str = "",
-    least_inflation: float = 0.0,
+    min_inflation: float = 0.0,
 ) -> Plan:
     """Search a path over cells whose centres keep ``inflation`` (m) from obstacles, and smooth it.
 
@@ -144,7 +144,7 @@ def plan(
         inflation: Distance in m, 0 or more.
         options: Options of the search and the smoothing.
         inflation_note: Composition of the inflation, for messages.
-        least_inflation: Inflation without a margin, m, for messages.
+        min_inflation: Inflation without a margin, m, for messages.
 
     Raises:
         InvalidInput: The inflation is negative or not finite, or a heading seems to be in degrees.
@@ -154,7 +154,7 @@ def plan(
     start, goal = _numbers("start", start), _numbers("goal", goal)
     free_space = grid.inflated(inflation)
     needed = f"{inflation:.4g} m" + (f" ({inflation_note})" if inflation_note else "")
-    _check_free(grid, free_space, (inflation, least_inflation), needed)
+    _check_free(grid, free_space, (inflation, min_inflation), needed)
     for name, waypoint in (("start", start), ("goal", goal)):
         _check_waypoint(grid, free_space, name, waypoint, needed)
     try:
@@ -163,7 +163,7 @@ def plan(
         if inflation == 0.0:
             raise
         advice = _way_out(
-            grid, inflation, least_inflation, lambda free: _has_path(free, start, goal, options)
+            grid, inflation, min_inflation, lambda free: _has_path(free, start, goal, options)
         )
         raise NoPathFound(
             f"{error}; the robot's centre must keep {needed} from every obstacle: {advice}"

@@ -28,7 +28,7 @@ _GAUSS_POINTS = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)
 _SPREAD = 0.1
 """Weight of uneven control points, in s; time alone does not determine their spacing."""
 
-_LEAST = 1e-6
+_MIN = 1e-6
 """Lower bound of the squared speeds between the ends, as a share of the guess's largest."""
 
 _STARTS = 2
@@ -152,7 +152,7 @@ class Transcription:
         """
         points = guess.path.control_points
         speeds = _speeds(timed, len(points) - 3)
-        least = _LEAST * float(speeds.max())
+        least = _MIN * float(speeds.max())
         inner = np.maximum(0.8 * speeds[1:-1], 2.0 * least)
         low, high = self._low, np.ones(len(self._low))
         if guess.hull is not None:

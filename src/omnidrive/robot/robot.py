@@ -230,7 +230,7 @@ class Robot:
         that is the length of the first two entries of J_i (Cauchy-Schwarz inequality), so that
         ``v = w_max / max_i |(J_i1, J_i2)|`` and ``yaw rate = w_max / max_i |J_i3|``; one at a time.
         """
-        return _least_radii(self.chassis.jacobian / self.max_wheel_speed)
+        return _min_radii(self.chassis.jacobian / self.max_wheel_speed)
 
     @property
     def top_accelerations(self) -> tuple[float, float]:
@@ -238,7 +238,7 @@ class Robot:
 
         As :attr:`top_speeds`, of the polytope :attr:`acceleration_faces`; one at a time.
         """
-        return _least_radii(self.acceleration_faces) if self.max_force > 0.0 else (0.0, 0.0)
+        return _min_radii(self.acceleration_faces) if self.max_force > 0.0 else (0.0, 0.0)
 
     def _repr_html_(self) -> str:
         """Return drawing and main properties for notebooks."""
@@ -253,7 +253,7 @@ class Robot:
         return facts_html(f"Robot {self.name}", facts, drawing)
 
 
-def _least_radii(faces: Float[Array, "faces 3"]) -> tuple[float, float]:
+def _min_radii(faces: Float[Array, "faces 3"]) -> tuple[float, float]:
     """Return the largest translation in every direction, and yaw, with ``|faces @ v| <= 1``."""
     plane, yaw = np.hypot(faces[:, 0], faces[:, 1]), np.abs(faces[:, 2])
     return float(1.0 / plane.max()), float(1.0 / yaw.max())

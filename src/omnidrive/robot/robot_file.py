@@ -22,7 +22,7 @@ FORMAT = "omnidrive-robot-1"
 """Name and version of the file format."""
 
 _MAX_NAME = 64  # characters
-_MOST_FAULTS = 10  # faults that one message names
+_MAX_FAULTS = 10  # faults that one message names
 MAX_NUMBER = 1e9
 """Greatest magnitude in a description of a robot, SI units; products of larger numbers overflow."""
 
@@ -253,7 +253,7 @@ class _Source:
 
     def add(self, fault: str) -> None:
         """Add a fault; raise the error with all of them if there are more than ten."""
-        if len(self.faults) == _MOST_FAULTS:
+        if len(self.faults) == _MAX_FAULTS:
             raise self.error("; ".join([*self.faults, "and more"]))
         self.faults.append(fault)
 

@@ -204,7 +204,7 @@ def make_controller(
 
     Args:
         scenario: The scenario.
-        robot: The robot, as far as the controller knows it.
+        robot: Model of the robot in the controller.
         label: Label of the controller.
         horizon: Value of its parameter ``horizon``, if it has one, in steps. None: that of the
             scenario.

@@ -52,7 +52,7 @@ class PlannedScenario:
 
     Attributes:
         scenario: The scenario.
-        robot: The robot, as far as controllers know it.
+        robot: Model of the robot in controllers.
         plant_robot: The simulated robot.
         obstacles: Map without inflation.
         free_space: The inflated map, whose free cells the robot's centre may enter.
@@ -214,7 +214,7 @@ def plan_scenario(scenario: Scenario) -> PlannedScenario:
         inflation=inflation,
         options=scenario.path,
         inflation_note=inflation_note,
-        least_inflation=_inflation(scenario.map.model_copy(update={"margin": 0.0}), grid, robot)[0],
+        min_inflation=_inflation(scenario.map.model_copy(update={"margin": 0.0}), grid, robot)[0],
     )
     path, fastest, note = _timed(scenario, robot, plan_)
     return PlannedScenario(

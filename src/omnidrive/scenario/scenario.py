@@ -75,7 +75,7 @@ class Scenario(Section):
     seed: Annotated[int, Bounds(0, 2**53, "")] = 1
     """Seed of all random numbers."""
     robot: RobotSection
-    """The robot, as far as controllers and estimators know it: a name, or keys."""
+    """Model of the robot in controllers and estimators: a name, or keys."""
     plant_robot: RobotSection | None = None
     """The simulated robot: a name, or keys. None: the same as ``robot``."""
     plant: Annotated[Configured, OfGroup("plants")] = Field(

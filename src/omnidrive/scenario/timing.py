@@ -18,7 +18,7 @@ from omnidrive.scenario.tasks import DURATION, DurationsTask, FaultsTask, Tasks
 DEFAULT_SPEED = 0.5
 """Default mean speed in m/s, close to that of the paper (its path in 20 s)."""
 
-_LEAST_SAMPLES = 10  # of a run at the default or a given mean speed
+_MIN_SAMPLES = 10  # of a run at the default or a given mean speed
 
 _NO_LENGTH = 1e-6  # m; a path of at most this length is a turn on the spot
 
@@ -97,7 +97,7 @@ def _default_duration(scenario: Scenario, speed: float | None) -> float:
     desired = _at_speed(planned, speed or DEFAULT_SPEED)
     if speed is None:
         desired = planned.natural or max(desired, planned.shortest)
-    duration = _whole(max(desired, _LEAST_SAMPLES * scenario.sample_time), scenario.sample_time)
+    duration = _whole(max(desired, _MIN_SAMPLES * scenario.sample_time), scenario.sample_time)
     _check_feasible(planned, duration, speed)
     return duration
 

@@ -1,4 +1,4 @@
-"""The robot's answer to a command, and the loop that closes around it."""
+"""Simulated plants and the closed loop."""
 
 import lazy_loader as _lazy
 

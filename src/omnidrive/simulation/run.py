@@ -20,7 +20,7 @@ from omnidrive.simulation.log_columns import POSE, TWIST, LogColumn, vector_colu
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-_MOST_EVENTS = 5  # in notebooks
+_MAX_EVENTS = 5  # in notebooks
 
 
 class Outcome(Enum):
@@ -172,7 +172,7 @@ class Run:
             "heading error": f"mean {turn.mean():.4g} rad, largest {turn.max():.4g} rad",
             "work": f"{self.work[-1]:.4g} J",
             "collisions": f"{self.collisions[-1]}",
-            "events": "; ".join(f"{t:g} s {what}" for t, what in self.events[:_MOST_EVENTS]),
+            "events": "; ".join(f"{t:g} s {what}" for t, what in self.events[:_MAX_EVENTS]),
         }
         positions = np.vstack([self.pose, self.target])[:, :2]
         drawing = Drawing(box_around(positions), width=180.0)

@@ -42,7 +42,7 @@ from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import finished_record, step_values, tracking_values
 
 _PLANTS = ("kinematic", "planar")
-_MOST_FLOATS = 1_000_000  # of the logs that are in memory at once
+_MAX_FLOATS = 1_000_000  # of the logs that are in memory at once
 _GROUPED_BY = (
     "plant",
     "plant_robot",
@@ -163,7 +163,7 @@ class _Loop:
         _check(start, samples)
         due = self._due(reference, samples)
         size = len(samples.arrays.times) * self._loops.log_columns
-        count = max(1, _MOST_FLOATS // size)
+        count = max(1, _MAX_FLOATS // size)
         for first in range(0, len(indices), count):
             part = indices[first : first + count]
             logs = self._loops.log([_batch_run(runs[i], samples, start) for i in part])

@@ -85,11 +85,11 @@ def _recovery(planned: PlannedScenario, result: Result, run: PlannedRun) -> Reco
     return recovery(result.run, nominal, result.fault.at)
 
 
-class _Kept:
+class LruCache:
     """The latest values by their keys, in this process."""
 
     def __init__(self, most: int) -> None:
-        self._most = most
+        self._max = most
         self._values: OrderedDict[Hashable, Any] = OrderedDict()
 
     def get(self, key: Hashable, make: Callable[[], _Value]) -> _Value:
@@ -103,7 +103,7 @@ class _Kept:
     def put(self, key: Hashable, value: object) -> None:
         """Keep a value, and forget the oldest one if there are too many."""
         self._values[key] = value
-        if len(self._values) > self._most:
+        if len(self._values) > self._max:
             self._values.popitem(last=False)
 
 
@@ -111,7 +111,7 @@ class _Plans:
     """Planned scenarios; the motion of runs with equal maps, robots and references is one."""
 
     def __init__(self) -> None:
-        self._motions, self._robots = _Kept(_KEPT_PLANS), _Kept(_KEPT_PLANS)
+        self._motions, self._robots = LruCache(_KEPT_PLANS), LruCache(_KEPT_PLANS)
 
     def planned(self, run: PlannedRun) -> PlannedScenario:
         """Return the planned scenario of a run.
@@ -125,4 +125,4 @@ class _Plans:
         return replace(planned, plant_robot=true, scenario=scenario)
 
 
-_plans, _undisturbed = _Plans(), _Kept(_KEPT_RUNS)
+_plans, _undisturbed = _Plans(), LruCache(_KEPT_RUNS)

@@ -49,7 +49,7 @@ from omnidrive.study.random_factors import (
 )
 
 _ROOT = files("omnidrive.study") / "studies"
-_MOST_AXES = 50
+_MAX_AXES = 50
 
 
 class _Random(Section):
@@ -63,7 +63,7 @@ class _StudyFile(Section):
     question: Annotated[str, Field(max_length=500)] = ""
     scenario: Any
     set: dict[str, Any] = Field(default_factory=dict)
-    axes: Annotated[dict[str, Any], Field(default_factory=dict, max_length=_MOST_AXES)]
+    axes: Annotated[dict[str, Any], Field(default_factory=dict, max_length=_MAX_AXES)]
     random: _Random = _Random()
     repetitions: Annotated[int, Bounds(1, MAX_REPETITIONS, "")] = 1
     where: tuple[dict[str, Any], ...] = ()

@@ -16,14 +16,14 @@ from omnidrive.files.output_file import create_folder
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.parameter import Bounds, check_number
 from omnidrive.simulation import Outcome
-from omnidrive.study.claims import Claims
+from omnidrive.study.leases import Leases
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import relabelled
 from omnidrive.study.store import KeyedPlan, Store
 
 _BEST_BY = "me"  # metric of the best controller so far
-_MOST_CLAIMED = 10_000  # runs of a request
+_MAX_LEASED = 10_000  # runs of a request
 
 
 class Progress(NamedTuple):
@@ -134,7 +134,7 @@ class Experiment:
             compute=self.compute,
             lost=self._lost,
             name=lambda number: f"run {number}",
-            largest=1 if time_limit is not None else _MOST_CLAIMED,
+            largest=1 if time_limit is not None else _MAX_LEASED,
         )
         here = in_process
         if here is None:
@@ -143,8 +143,8 @@ class Experiment:
         with Store(folder) as store:
             self._begin(store)
             plan = PlanPrefix(self.plan, len(self.plan) if self.first is None else self.first)
-            with Claims(store, plan) as claims:
-                source = _UnstoredRuns(store, claims, plan, processes, extend)
+            with Leases(store, plan) as leases:
+                source = _UnstoredRuns(store, leases, plan, processes, extend)
                 self._pace, before = _Pace(1 if here else processes), store.count
                 blocks = execute_blocks(
                     source, work, processes, time_limit=time_limit, in_process=here,
@@ -218,7 +218,7 @@ class PlanPrefix:
 
 
 class _UnstoredRuns:
-    """Numbers of the runs to compute: claimed, not stored, and each key once.
+    """Numbers of the runs to compute: leased, not stored, and each key once.
 
     Attributes:
         added: Number of runs that were stored.
@@ -227,21 +227,21 @@ class _UnstoredRuns:
     def __init__(
         self,
         store: Store,
-        claims: Claims,
+        leases: Leases,
         plan: PlanPrefix,
         processes: int,
         extend: Callable[[Store], int | None],
     ) -> None:
-        self._store, self._claims, self._plan = store, claims, plan
+        self._store, self._leases, self._plan = store, leases, plan
         self._processes, self._extend = processes, extend
         self._equal: dict[str, list[int]] = {}  # other numbers of the keys that are computed
         self.added = 0
 
     def take(self, count: int) -> list[int] | None:
-        """Claim runs; store those at once whose results are known."""
+        """Lease runs; store those at once whose results are known."""
         while True:
-            fair = -(-self._claims.left // (2 * self._processes))  # small blocks at the end
-            numbers = self._claims.take(min(count, max(fair, 1)))
+            fair = -(-self._leases.left // (2 * self._processes))  # small blocks at the end
+            numbers = self._leases.take(min(count, max(fair, 1)))
             if numbers is None:
                 length = self._extend(self._store)
                 if length is None:
@@ -253,7 +253,7 @@ class _UnstoredRuns:
                 return []
 
     def _unknown(self, numbers: Sequence[int]) -> list[int]:
-        """Return those of claimed runs that must be computed; store the others, or later."""
+        """Return those of leased runs that must be computed; store the others, or later."""
         keys = {number: self._plan.keys(number, number + 1)[0] for number in numbers}
         known = self._store.results(dict.fromkeys(keys.values()))
         copies = [relabelled(known[key], self._plan[n]) for n, key in keys.items() if key in known]

@@ -47,7 +47,7 @@ def run_experiment(
     note: Callable[[str], None] = lambda _: None,
     run_timeout: float | None = None,
     until: StopRule | None = None,
-    most_repetitions: int = MAX_SEQUENTIAL,
+    max_repetitions: int = MAX_SEQUENTIAL,
     scheduler: str | None = None,
     confirmed: bool = False,
 ) -> Path:
@@ -65,7 +65,7 @@ def run_experiment(
         note: Called with one line when a stop rule has been checked.
         run_timeout: Largest wall time of a run in a worker process, s. None: no limit.
         until: Repetitions are added until this rule is satisfied. None: those of the definition.
-        most_repetitions: Largest number of repetitions with ``until``.
+        max_repetitions: Largest number of repetitions with ``until``.
         scheduler: Address of a Dask scheduler, whose workers compute the runs. None: processes of
             this computer.
         confirmed: Whether the study may have more than ten million runs.
@@ -81,7 +81,7 @@ def run_experiment(
     check_size(RunPlan(definition), confirmed=confirmed)
     planned = definition
     if until is not None:
-        planned = definition.with_repetitions(max(most_repetitions, definition.repetitions))
+        planned = definition.with_repetitions(max(max_repetitions, definition.repetitions))
     plan = RunPlan(planned)
     file, is_extended = path / DEFINITION_FILE, _prepare_folder(definition, path)
     prepare = partial(_prepare_store, file, RunPlan(definition), is_extended, until)

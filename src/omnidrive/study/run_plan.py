@@ -28,8 +28,8 @@ from omnidrive.study.run_key import KeyMaker, PlanKeys
 LARGE = 10_000_000
 """Number of runs from which a study asks for a confirmation."""
 
-_MOST_GROUPS = 100_000  # combinations of the axes that decide which runs there are
-_MOST_JOB_LISTS = 10_000  # of these, combinations of the axes that change tasks or controllers
+_MAX_GROUPS = 100_000  # combinations of the axes that decide which runs there are
+_MAX_JOB_LISTS = 10_000  # of these, combinations of the axes that change tasks or controllers
 _KEPT = 1024  # variants that are kept
 
 
@@ -233,10 +233,10 @@ class RunPlan(Sequence[PlannedRun]):
         axes = self.definition.axes
         count = prod(len(axes[i].settings) for i in self._grouped)
         lists = prod(len(axes[i].settings) for i in self._job_axes)
-        if count > _MOST_GROUPS or lists > _MOST_JOB_LISTS:
+        if count > _MAX_GROUPS or lists > _MAX_JOB_LISTS:
             raise InvalidStudy(
                 f"axes of tasks and controllers and those in conditions have {count} combinations, "
-                f"need at most {_MOST_GROUPS}, and {_MOST_JOB_LISTS} of the former; use fewer "
+                f"need at most {_MAX_GROUPS}, and {_MAX_JOB_LISTS} of the former; use fewer "
                 "values there"
             )
         made: dict[tuple[Any, ...], _JobList] = {}

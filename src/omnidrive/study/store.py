@@ -4,7 +4,7 @@ Every change is one transaction, which is on the disk before the method returns 
 ``synchronous=FULL``). A run has one row of results by its key, and one row per number of the plan,
 both with checksums, see :mod:`omnidrive.study.stored_rows`. Readers leave out damaged runs; before
 a process writes, it is rebuilt without them, see :mod:`omnidrive.study.store_opening`.
-Several processes may work on one study: each claims numbers, see :mod:`omnidrive.study.claims`.
+Several processes may work on one study: each leases numbers, see :mod:`omnidrive.study.leases`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 _log = logging.getLogger("omnidrive")
 
 _RANGE = 2048  # numbers that are looked up at once
-_MOST_FAILURES = 5  # failed runs that are named
+_MAX_FAILURES = 5  # failed runs that are named
 
 
 @runtime_checkable
@@ -165,11 +165,11 @@ class Store:
                         one_line(str(self.path.parent)),
                     )
                 connection.execute("DELETE FROM runs")
-                connection.execute("DELETE FROM claims")
+                connection.execute("DELETE FROM leases")
                 write_facts(connection, {**facts, "definition": definition, "runs": 0})
 
     def add(self, records: Sequence[RunRecord], logs: Sequence[str | None] = ()) -> None:
-        """Store records in one transaction, and release the claims of their runs.
+        """Store records in one transaction, and release the leases of their runs.
 
         A result that is stored already is kept.
 
@@ -190,7 +190,7 @@ class Store:
             new = connection.executemany(INSERT_RUN, runs).rowcount
             facts = self._facts()
             write_facts(connection, {**facts, "runs": facts["runs"] + max(new, 0) - max(old, 0)})
-            connection.executemany("DELETE FROM claims WHERE number = ?", numbers)
+            connection.executemany("DELETE FROM leases WHERE number = ?", numbers)
 
     def missing(self, plan: KeyedPlan, start: int = 0) -> Iterator[int]:
         """Yield the numbers of the runs from ``start`` on that are not stored."""
@@ -253,7 +253,7 @@ class Store:
             if not all(finished for _, finished in found):
                 columns = "substr(detail, 1, 500), outcome"
                 parts = valid_rows(self._connection, columns, "NOT finished")
-                first = next(parts, [])[:_MOST_FAILURES]
+                first = next(parts, [])[:_MAX_FAILURES]
                 failures = [(n, text or outcome.replace("_", " ")) for n, text, outcome in first]
             lost = loss(self._connection, counts.total(), self._facts()["runs"])
         first = [(n, (text.splitlines() or [""])[0]) for n, text in failures]

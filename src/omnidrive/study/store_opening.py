@@ -37,7 +37,7 @@ from omnidrive.study.stored_rows import (
 
 _READ = ("facts", "results", "runs")  # tables that a reader needs
 _LARGEST = 2**26  # bytes of a value; larger ones are damaged
-_MOST_REBUILDS = 5  # attempts to get a whole database, also by other processes
+_MAX_REBUILDS = 5  # attempts to get a whole database, also by other processes
 
 _log = logging.getLogger("omnidrive")
 
@@ -76,7 +76,7 @@ def open_to_write(path: Path) -> sqlite3.Connection:
         sqlite3.Error: It cannot be opened, or nothing in it can be read.
     """
     defect: str | None = None
-    for _ in range(_MOST_REBUILDS):
+    for _ in range(_MAX_REBUILDS):
         identity = path.stat().st_ino if path.exists() else None
         connection = _connected(path)
         try:

@@ -26,10 +26,10 @@ VERSION = 3
 """Version of the tables; those of version 1 have no checksums, and those of 2 other ones."""
 
 _CHUNK = 10_000  # rows in memory as Python objects
-_MOST_READS = 5_000  # attempts to read what damaged pages leave
-_MOST_VAIN_READS = 500  # as long as none succeeds
+_MAX_READS = 5_000  # attempts to read what damaged pages leave
+_MAX_VAIN_READS = 500  # as long as none succeeds
 _NUMBERS = (-(2**63), 2**63 - 1)  # least and largest number of a row
-_MOST_NAMED = 10  # runs that a message names
+_MAX_NAMED = 10  # runs that a message names
 
 SCHEMA = f"""
 CREATE TABLE results (
@@ -50,8 +50,8 @@ CREATE TABLE processes (
     id TEXT PRIMARY KEY, host TEXT NOT NULL, pid INTEGER NOT NULL, started TEXT NOT NULL,
     beat INTEGER NOT NULL
 ) STRICT, WITHOUT ROWID;
-CREATE TABLE claims (number INTEGER PRIMARY KEY, key TEXT NOT NULL, owner TEXT NOT NULL) STRICT;
-CREATE INDEX claimed_keys ON claims (key);
+CREATE TABLE leases (number INTEGER PRIMARY KEY, key TEXT NOT NULL, owner TEXT NOT NULL) STRICT;
+CREATE INDEX leased_keys ON leases (key);
 PRAGMA application_id = {APPLICATION};
 PRAGMA user_version = {VERSION}
 """
@@ -120,8 +120,8 @@ class Loss(NamedTuple):
         """Return a sentence without its end."""
         if not self.runs:
             return "no stored run is damaged"
-        named = ", ".join(map(str, self.numbers[:_MOST_NAMED]))
-        more = ", ..." if len(self.numbers) > _MOST_NAMED else ""
+        named = ", ".join(map(str, self.numbers[:_MAX_NAMED]))
+        more = ", ..." if len(self.numbers) > _MAX_NAMED else ""
         which = f" (numbers {named}{more})" if named else ""
         unnamed = self.runs - len(self.numbers)
         lost = f", the numbers of {unnamed:,} of them are unknown" if named and unnamed > 0 else ""
@@ -329,7 +329,7 @@ def _rows(connection: sqlite3.Connection, query: str) -> Iterator[list[tuple[Any
             if not is_corrupt(error):
                 raise
             low = max(low, last + 1)
-            most = _MOST_READS if found else _MOST_VAIN_READS
+            most = _MAX_READS if found else _MAX_VAIN_READS
             if low < high and reads < most:
                 middle = _middle(low, high)
                 ranges += [(middle + 1, high), (low, middle)]

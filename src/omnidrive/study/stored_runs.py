@@ -24,9 +24,9 @@ from omnidrive.scenario.planned_scenario import PlannedScenario
 from omnidrive.scenario.scenario_file import scenario_data
 from omnidrive.simulation import Outcome, Run
 from omnidrive.simulation.log_columns import POSE, TWIST
-from omnidrive.study.claims import Claims
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.folder import RunFolder, portable
+from omnidrive.study.leases import Leases
 from omnidrive.study.results_data import component_origins
 from omnidrive.study.run_plan import RunPlan
 from omnidrive.study.run_recording import record_of
@@ -35,7 +35,7 @@ from omnidrive.study.study_folder import SCENARIO_FILE, note_file
 
 _SCALARS = ("t", "work", "status", "collisions", "step_time", "saturated")
 _WHEELS = ("wheel_speed", "wheel_torque", "command_wheel_speed", "command_wheel_torque")
-_MOST_WHEELS = 1000
+_MAX_WHEELS = 1000
 _UNREADABLE = (OSError, pa.ArrowException, KeyError, ValueError, TypeError)
 
 
@@ -56,8 +56,8 @@ class StoredRuns:
         self._store = Store(folder.path)
         try:
             self._begin(_digest(planned))
-            self._claims = Claims(self._store, self._plan, shared=False)
-            self._claims.__enter__()
+            self._leases = Leases(self._store, self._plan, shared=False)
+            self._leases.__enter__()
         except BaseException:
             self._store.close()
             raise
@@ -66,7 +66,7 @@ class StoredRuns:
         return self
 
     def __exit__(self, *reason: object) -> None:
-        self._claims.__exit__(*reason)
+        self._leases.__exit__(*reason)
         self._store.close()
 
     def _begin(self, digest: str) -> None:
@@ -160,7 +160,7 @@ def _restored(table: pa.Table, rest: dict[str, Any]) -> Run:
 
     def wheels(name: str) -> Float[Array, "rows _"]:
         """Take the columns of a quantity of each wheel."""
-        return vector([f"{name}_{i}" for i in range(_MOST_WHEELS) if f"{name}_{i}" in columns])
+        return vector([f"{name}_{i}" for i in range(_MAX_WHEELS) if f"{name}_{i}" in columns])
 
     def sigma(name: str) -> Float[Array, " rows"]:
         """Return a standard deviation; NaN where it is not stored."""

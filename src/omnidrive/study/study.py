@@ -44,7 +44,7 @@ from omnidrive.visualization import Observer
 if TYPE_CHECKING:
     pass
 
-_MOST_TABLES = 2  # in notebooks
+_MAX_TABLES = 2  # in notebooks
 
 
 @runtime_checkable
@@ -117,7 +117,7 @@ class Study:
             "ended early": ", ".join(ended) or "none",
             "results": str(self.folder) if self.folder else "not written",
         }
-        shown = (table_html(t.title, t.columns, t.rows) for t in tables[:_MOST_TABLES])
+        shown = (table_html(t.title, t.columns, t.rows) for t in tables[:_MAX_TABLES])
         return facts_html(results.title, facts) + "".join(shown)
 
 

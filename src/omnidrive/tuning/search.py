@@ -120,7 +120,7 @@ def search(  # noqa: PLR0917
 
     try_all([space.base])
     repeats = 0
-    while repeats < _MOST_REPEATS and len(trials) < budget.trials and monotonic() < end:
+    while repeats < _MAX_REPEATS and len(trials) < budget.trials and monotonic() < end:
         candidates = [rounded(space, space.values(point)) for point in optimizer.ask().tolist()]
         before = len(trials)
         optimizer.tell(try_all(candidates))
@@ -128,7 +128,7 @@ def search(  # noqa: PLR0917
     return SearchResult(trials, best_trial(trials))
 
 
-_MOST_REPEATS = 20  # generations in a row without a new candidate, as in a small discrete space
+_MAX_REPEATS = 20  # generations in a row without a new candidate, as in a small discrete space
 
 
 def score_of(

@@ -31,8 +31,8 @@ TABLE = 20
 """Number of elements of a list beyond which they are tuned only if a pattern names them."""
 
 _DECADES = 100.0  # ratio of bounds from which the scale is logarithmic
-_LEAST = 1e-3  # lower end of a logarithmic scale without a positive bound, per present value
-_MOST = 1e3  # upper end of one without a finite bound
+_MIN = 1e-3  # lower end of a logarithmic scale without a positive bound, per present value
+_MAX = 1e3  # upper end of one without a finite bound
 
 
 class Dimension(NamedTuple):
@@ -245,8 +245,8 @@ def _with_scale(dimension: Dimension) -> Dimension:
     base = min(max(base, low), high)
     logarithmic = base > 0.0 and low >= 0.0 and (low == 0.0 or high / low >= _DECADES)
     if logarithmic:
-        low = max(low, _LEAST * base)
-        high = min(high, _MOST * base)
+        low = max(low, _MIN * base)
+        high = min(high, _MAX * base)
     elif not (isfinite(low) and isfinite(high)):
         span = max(abs(base), 1.0)
         low, high = max(low, base - span), min(high, base + span)

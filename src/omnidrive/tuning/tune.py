@@ -100,7 +100,7 @@ def tune(
     began, path = monotonic(), to_path(folder)
     _prepare_folder(tuning, path)
     with _evaluator(tuning, processes) as evaluator:
-        found, chosen = _searched(tuning, path, evaluator, report)
+        found, chosen = run_search(tuning, path, evaluator, report)
         after = tuning.space.controller_with(chosen.values)
         assert after is not None
         records = _held_out_records(tuning, after, path / "held-out", evaluator, report)
@@ -148,7 +148,7 @@ def equal_budget(
             report(f"{label}: {part}", done, total, best)
 
         with _evaluator(tuning, processes) as evaluator:
-            _, chosen = _searched(tuning, path, evaluator, labelled)
+            _, chosen = run_search(tuning, path, evaluator, labelled)
         controllers[label] = tuning.space.controller_with(chosen.values) or controller
     return with_controllers(definition, controllers)
 
@@ -166,12 +166,12 @@ def _evaluator(tuning: Tuning, processes: int) -> RunEvaluator:
     return RunEvaluator(processes, timed=bool(metrics & {*TIMING}), in_process=not is_parallel)
 
 
-def _searched(
+def run_search(
     tuning: Tuning, path: Path, evaluator: RunEvaluator, report: Report
 ) -> tuple[SearchResult, Trial]:
     """Return the search of a tuning and the chosen trial."""
     training, settings = tuning.sets.training, tuning.settings
-    with _opened(path / "training", training) as store:
+    with open_store(path / "training", training) as store:
         candidates = _Candidates(training, settings.controller, store, evaluator)
         seconds = None if settings.minutes is None else 60.0 * settings.minutes
 
@@ -193,7 +193,7 @@ def _searched(
         chosen = found.best
         if len(tuning.objectives) == 1:
             report("confirmation", 0, 0, "")
-            chosen = _confirmed(tuning, found, candidates)
+            chosen = validate_best(tuning, found, candidates)
     return found, chosen
 
 
@@ -229,7 +229,7 @@ class _Candidates:
         return [records[k * size : (k + 1) * size] for k in range(len(plans))]
 
 
-def _confirmed(tuning: Tuning, found: SearchResult, candidates: _Candidates) -> Trial:
+def validate_best(tuning: Tuning, found: SearchResult, candidates: _Candidates) -> Trial:
     """Return the best of the best trials on the validation runs, or the first trial.
 
     A trial is chosen only if it shows a gain over the values before tuning on these runs, and on
@@ -293,7 +293,7 @@ def _held_out_records(
     create_folder(folder)
     save_definition(definition, folder / "study.yaml")
     runs = list(RunPlan(definition))
-    with _opened(folder, definition) as store:
+    with open_store(folder, definition) as store:
         done = 0
 
         def note(count: int) -> None:
@@ -310,7 +310,7 @@ def _held_out_records(
     )
 
 
-def _opened(folder: Path, definition: StudyDefinition) -> Store:
+def open_store(folder: Path, definition: StudyDefinition) -> Store:
     """Return the open store of a definition in a folder, which is created."""
     create_folder(folder)
     store = Store(folder)

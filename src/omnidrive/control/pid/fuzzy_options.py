@@ -10,7 +10,7 @@ from jaxtyping import Int
 from pydantic import BeforeValidator, Field
 
 from omnidrive.arrays import Array
-from omnidrive.components.fields import Given, plain
+from omnidrive.components.fields import PresetDefaults, plain
 from omnidrive.control.pid.gain_tuning import (
     INPUTS,
     MEDIUM,
@@ -94,7 +94,7 @@ rules are a mapping from sets of the error to mappings from sets of its change t
 
 
 @dataclass(frozen=True)
-class SetOptions(Given):
+class SetOptions(PresetDefaults):
     """Peaks of the sets of one variable, as shares of its range, symmetric about zero.
 
     The sets are triangles between the points 0, small, medium and 1. None: those of the paper,
@@ -116,7 +116,7 @@ class SetOptions(Given):
 
 
 @dataclass(frozen=True)
-class RuleOptions(Given):
+class RuleOptions(PresetDefaults):
     """Consequents of the rules of each gain: 7 rows, the sets of the error, of 7 columns.
 
     The columns are the sets of the change of the error; -3: NB to 3: PB, or the names. Single rules
@@ -150,7 +150,7 @@ class RuleOptions(Given):
 
 
 @dataclass(frozen=True)
-class FootprintOptions(Given):
+class FootprintOptions(PresetDefaults):
     """Footprint of uncertainty of sets. None: the value of the preset."""
 
     scale: Annotated[float, Bounds(0.05, 1.0, "1")] | None = None
@@ -172,7 +172,7 @@ class FootprintOptions(Given):
 
 
 @dataclass(frozen=True)
-class FuzzyOptions(Given):
+class FuzzyOptions(PresetDefaults):
     """Membership functions and rules of the fuzzy system that tunes the gains."""
 
     error: SetOptions = field(default_factory=SetOptions)

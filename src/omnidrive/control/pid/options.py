@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, TypeVar
 
 from omnidrive.choices import PresetName
-from omnidrive.components.fields import Given
+from omnidrive.components.fields import PresetDefaults
 from omnidrive.control.pid.fuzzy_options import FuzzyOptions, IntervalFuzzyOptions
 from omnidrive.control.pid.laws import (
     MemorylessParameters,
@@ -25,7 +25,7 @@ Law = TypeVar("Law", MemorylessParameters, SelfTuningParameters, TrackingParamet
 
 
 @dataclass(frozen=True)
-class ChannelOptions(Given):
+class ChannelOptions(PresetDefaults):
     """Gains of one channel of a PID controller. None: the value of the preset."""
 
     kp: Annotated[float, Bounds(0.0, 50.0, "1/s")] | None = None
@@ -99,7 +99,7 @@ Channels = tuple[ChannelOptions, ChannelOptions]
 
 
 @dataclass(frozen=True)
-class _Preset(Given):
+class _Preset(PresetDefaults):
     """The preset of a PID controller."""
 
     preset: PresetName | None = None

@@ -34,7 +34,7 @@ PidPreset = Literal["paper", "published-code", "recommended"]
 MAX_YAW_RATE = 3.14
 """Yaw-rate limit of the paper's predictive controller, in rad/s."""
 
-_LEAST = 1e-6  # m/s or rad/s, m/s^2 or rad/s^2: for a robot without grip
+_MIN = 1e-6  # m/s or rad/s, m/s^2 or rad/s^2: for a robot without grip
 
 _FUZZY, _CONSTANT = FuzzyPidOptions(), PidOptions()
 
@@ -112,13 +112,13 @@ def robot_parameters(
         forces: Whether motors, masses and friction act: otherwise there is neither a lag nor a
             limit of the acceleration.
     """
-    position, heading = (TrackingParameters(limit=max(top, _LEAST)) for top in robot.top_speeds)
+    position, heading = (TrackingParameters(limit=max(top, _MIN)) for top in robot.top_speeds)
     heading = heading._replace(braking_share=HEADING_BRAKING_SHARE)
     if not forces:
         return position, heading
     both = zip((position, heading), robot.top_accelerations, robot.lag, strict=True)
     position, heading = (
-        parameters._replace(acceleration=max(top, _LEAST), lag=lag + robot.motor_lag)
+        parameters._replace(acceleration=max(top, _MIN), lag=lag + robot.motor_lag)
         for parameters, top, lag in both
     )
     return position, heading

@@ -207,14 +207,14 @@ class SafetySupervisor:
         self.events.append(Event(t, f"{name}; {others}, {reaction}"))
 
     def _release_heading(self, t: float, wheel: int, name: str) -> None:
-        if self._locked is not None or abs(self._rim_row(wheel)[2]) < self._least_lever:
+        if self._locked is not None or abs(self._rim_row(wheel)[2]) < self._min_lever:
             self._stop(t, f"{name}, and the others cannot compensate for it")
             return
         self._locked = wheel
         self.events.append(Event(t, f"{name}; the position is controlled, the heading is not"))
 
     @property
-    def _least_lever(self) -> float:
+    def _min_lever(self) -> float:
         """Lever arm, m, below which a wheel cannot rotate the robot."""
         return 1e-6 * self.robot.effective_radius
 

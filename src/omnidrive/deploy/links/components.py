@@ -36,7 +36,7 @@ class LinkContext:
 
     @property
     def robot(self) -> Robot:
-        """The robot, as far as it is known."""
+        """Model of the robot."""
         return self.planned.robot
 
     @property

@@ -18,7 +18,7 @@ from omnidrive.estimation import SensorReadings
 from omnidrive.files.str_path import StrPath
 from omnidrive.robot import Robot
 
-_MOST_SAMPLES = 1_000_000
+_MAX_SAMPLES = 1_000_000
 
 
 @dataclass(slots=True)
@@ -62,8 +62,8 @@ class ReplayLink:
     def __post_init__(self) -> None:
         log = self._log = read_log(self.path)
         first = log.segments[0].number if log.segments else 0
-        if log.sample_count > _MOST_SAMPLES:
-            raise InvalidLog(f"the log has more than {_MOST_SAMPLES:,} samples")
+        if log.sample_count > _MAX_SAMPLES:
+            raise InvalidLog(f"the log has more than {_MAX_SAMPLES:,} samples")
         self._samples = [each for each in log.samples() if each.number >= first]
         self._numbers = [each.number for each in self._samples]
         ages = [each.read.stamp - each.number * log.dt for each in self._samples if each.read]

@@ -36,7 +36,7 @@ WATCHDOG = 0.5
 """Time without a command after which a simulated robot stops, s."""
 _ROUNDING = 1e-9  # s
 _OF_TERMINAL = {signal.SIGINT, signal.SIGHUP}
-_MOST_SKIPPED = 100  # readings, until the process gives up its priority
+_MAX_SKIPPED = 100  # readings, until the process gives up its priority
 _DELAY = Bounds(0.0, 10.0, "s")
 
 
@@ -339,7 +339,7 @@ def _serve(
             behind = floor((time.monotonic() - due) / settings.period)
             number += 1 + behind
             skipped += behind
-            if behind and skipped > _MOST_SKIPPED:  # slower than real time: let others run
+            if behind and skipped > _MAX_SKIPPED:  # slower than real time: let others run
                 with suppress(OSError, AttributeError):
                     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         robot.move(now)

@@ -26,8 +26,8 @@ STUCK_TIME, STUCK_SHARE = 1.0, 0.1
 one direction with at least this share of its largest speed."""
 _STUCK_COUNTS = 10  # counts in that time, below which an encoder is too coarse to tell
 _AHEAD = 0.5  # s by which stamps of two reports may differ more than their arrivals
-_MOST_FALSE = 5  # false reports within WITHHELD; fewer are ignored
-_MOST_OLDER = 10  # reports in a row that are older than the last one
+_MAX_FALSE = 5  # false reports within WITHHELD; fewer are ignored
+_MAX_OLDER = 10  # reports in a row that are older than the last one
 _OFFSET_REPORTS = 200  # reports from which the offset of the board's clock is estimated
 
 
@@ -62,7 +62,7 @@ class WheelCounts:
         self._last: _Arrived | None = None  # that is used
         self._previous: _Arrived | None = None  # while reports are withheld
         self._older = 0
-        self._false: deque[float] = deque(maxlen=_MOST_FALSE)
+        self._false: deque[float] = deque(maxlen=_MAX_FALSE)
         self._withheld_since: float | None = None  # s; None: reports are used
         self._greeted = True  # as at first, since reports are withheld
         self._board_time = 0.0  # s of the last report since the first, by the board's clock
@@ -70,7 +70,7 @@ class WheelCounts:
         self._commanded: tuple[float, ...] = ()
         self._still_since: list[float | None] = [None] * hello.wheels
         enough = STUCK_SHARE * fastest * STUCK_TIME >= _STUCK_COUNTS * self._unit
-        self._least = STUCK_SHARE * fastest if enough else float("inf")
+        self._min = STUCK_SHARE * fastest if enough else float("inf")
 
     @property
     def withheld(self) -> bool:
@@ -107,7 +107,7 @@ class WheelCounts:
         """Note the commanded wheel speeds (rad/s) from ``now`` (s) on."""
         before = self._commanded or (0.0,) * len(speeds)
         for i, (then, speed) in enumerate(zip(before, speeds, strict=True)):
-            if abs(speed) < self._least:
+            if abs(speed) < self._min:
                 self._still_since[i] = None
             elif self._still_since[i] is None or then * speed < 0.0:
                 self._still_since[i] = now
@@ -126,7 +126,7 @@ class WheelCounts:
             return True
         if not _is_newer(report, self._last.report):  # repeated or overtaken
             self._older += 1
-            if self._older >= _MOST_OLDER:
+            if self._older >= _MAX_OLDER:
                 self._withhold(
                     now,
                     "the reports of the motor board begin anew: it restarted, or another one "
@@ -211,7 +211,7 @@ class WheelCounts:
             self._withheld_since, self._previous = now, None
             return
         self.fault = fault
-        if len(self._false) == _MOST_FALSE and now - self._false[0] <= WITHHELD:
+        if len(self._false) == _MAX_FALSE and now - self._false[0] <= WITHHELD:
             self._withhold(now, fault)
 
     def _withhold(self, now: float, fault: str) -> None:

@@ -34,8 +34,8 @@ from omnidrive.robot import Robot
 
 _HELLO_TIME = 3.0  # s for the answer of the board
 _HELLO_PERIOD = 0.2  # s between requests
-_MOST_DATAGRAMS = 1000
-_MOST_BYTES = 1 << 16  # bytes of one call of ``receive``: 1000 reports
+_MAX_DATAGRAMS = 1000
+_MAX_BYTES = 1 << 16  # bytes of one call of ``receive``: 1000 reports
 _BAUD = 115_200
 _UNPLUGGED = {
     errno.EAGAIN, errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETDOWN, errno.ENETUNREACH,
@@ -276,8 +276,8 @@ class _UdpPort:
     def receive(self) -> bytes:
         """Return the datagrams that have arrived."""
         data = bytearray()
-        for _ in range(_MOST_DATAGRAMS):
-            if len(data) >= _MOST_BYTES or not select.select([self._socket], [], [], 0.0)[0]:
+        for _ in range(_MAX_DATAGRAMS):
+            if len(data) >= _MAX_BYTES or not select.select([self._socket], [], [], 0.0)[0]:
                 break
             with _passing():
                 data += self._socket.recv(4096)
@@ -327,7 +327,7 @@ class _SerialPort:
 
     def receive(self) -> bytes:
         """Return what has arrived."""
-        data: bytes = self._serial.read(_MOST_BYTES)
+        data: bytes = self._serial.read(_MAX_BYTES)
         return data
 
     def send(self, data: bytes) -> None:

@@ -38,16 +38,16 @@ from omnidrive.simulation import Outcome, PlantState, Run
 from omnidrive.simulation.guard import RunEnded
 from omnidrive.simulation.run_log import RunLog
 
-_MOST_BYTES = 1 << 27  # of attached files and of events
-_MOST_FILES, _MOST_EVENTS = 10_000, 1_000_000  # a drive adds a file for each path it continues on
+_MAX_BYTES = 1 << 27  # of attached files and of events
+_MAX_FILES, _MAX_EVENTS = 10_000, 1_000_000  # a drive adds a file for each path it continues on
 RUN_LOG = "log.mcap"
 """Name of the log in the run folder of a drive."""
-MOST_SAMPLES = 2_000_000
+MAX_SAMPLES = 2_000_000
 """Largest number of samples that are kept in memory at once: 33 minutes at 1 kHz."""
 _TIMED_SAMPLES = 10_000_000
 _CUT = "the log ends before the drive"
 _LARGEST = 1e10  # m and rad
-_MOST_NAMED = 5  # logs in a message
+_MAX_NAMED = 5  # logs in a message
 _DIGITS = 4  # of the number of a file in a rotated log
 
 
@@ -148,10 +148,10 @@ class LoggedDrive:
                 yield item if text is None else _with_text(item, text)
 
     def check_length(self) -> None:
-        """Raise InvalidLog if there are more than :data:`MOST_SAMPLES`."""
-        if self.sample_count > MOST_SAMPLES:
+        """Raise InvalidLog if there are more than :data:`MAX_SAMPLES`."""
+        if self.sample_count > MAX_SAMPLES:
             raise InvalidLog(
-                f"{self._name} has {self.sample_count:,} samples, at most {MOST_SAMPLES:,}: split "
+                f"{self._name} has {self.sample_count:,} samples, at most {MAX_SAMPLES:,}: split "
                 "the drive, or lower its rate (--rate)"
             )
 
@@ -267,7 +267,7 @@ def _log_file(path: Path) -> Path:
     found = path / RUN_LOG
     if found.is_file():
         return found
-    others = [each.name for each in islice(path.glob("*.mcap"), _MOST_NAMED)]
+    others = [each.name for each in islice(path.glob("*.mcap"), _MAX_NAMED)]
     logs = f"; name one of its logs: {', '.join(sorted(others))}" if others else ""
     raise InvalidLog(one_line(f"the folder {path} has no {RUN_LOG}{logs}"))
 
@@ -306,10 +306,10 @@ def _read_part(path: Path) -> _Part:
         elif kind == "Attachment":
             files[record.name] = record.data
             held += len(record.name) + len(record.data)
-        if held > _MOST_BYTES or len(files) > _MOST_FILES or len(events) > _MOST_EVENTS:
+        if held > _MAX_BYTES or len(files) > _MAX_FILES or len(events) > _MAX_EVENTS:
             raise InvalidLog(
-                f"{one_line(str(path))} has more than {_MOST_FILES:,} files, {_MOST_EVENTS:,} "
-                f"events or {_MOST_BYTES >> 20} MiB of them"
+                f"{one_line(str(path))} has more than {_MAX_FILES:,} files, {_MAX_EVENTS:,} "
+                f"events or {_MAX_BYTES >> 20} MiB of them"
             )
     if metadata is None or metadata.get("format") != FORMAT:
         raise InvalidLog(

@@ -15,7 +15,7 @@ from omnidrive.geometry import Pose
 
 EVENT_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 """Message with what happened, in the values of its only status."""
-_MOST_TEXT = 2000  # characters
+_MAX_TEXT = 2000  # characters
 _LONGEST = 1e9  # s
 
 
@@ -92,7 +92,7 @@ def _text(value: Any) -> str:
     if isinstance(value, DriveState):
         return value.value
     if isinstance(value, str):
-        return one_line(value, _MOST_TEXT)
+        return one_line(value, _MAX_TEXT)
     if isinstance(value, Pose):
         return " ".join(repr(float(number)) for number in value)
     return str(value) if isinstance(value, int) else repr(float(value))

@@ -30,7 +30,7 @@ COMMAND_TYPES = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/Twist")
 CLOCK = "/clock"
 MAX_SKEW = 0.1
 """Difference of clocks, s, from which it is reported: two samples of a pose at 20 Hz."""
-_MOST_TOPICS = 16
+_MAX_TOPICS = 16
 _MIDDLEWARE = {b"\x01\x10": "Cyclone DDS", b"\x01\x0f": "Fast DDS", b"\x01\x01": "Connext"}
 
 
@@ -115,7 +115,7 @@ def _topics_to_hear(graph: Graph, known: Mapping[str, object]) -> list[tuple[str
         and not each.qos.transient_local
         and (each.type in STAMPED or (each.topic, each.type) == (CLOCK, "rosgraph_msgs/msg/Clock"))
     ]
-    return list(dict(found).items())[: _MOST_TOPICS - len(known)]
+    return list(dict(found).items())[: _MAX_TOPICS - len(known)]
 
 
 def _stamps(message: object) -> Iterator[float]:

@@ -26,7 +26,7 @@ from omnidrive.errors import InvalidMessage, InvalidReference, OmnidriveError, o
 
 _log = logging.getLogger("omnidrive")
 _POLL, _FEEDBACK_PERIOD = 0.005, 0.1  # s
-_MOST_GOALS = 100
+_MAX_GOALS = 100
 UNKNOWN, ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(7)
 """Status of a goal, as in ``action_msgs/msg/GoalStatus``."""
 _FAILED, _TF_ERROR, _INVALID_PATH = 100, 102, 103
@@ -287,7 +287,7 @@ class FollowPathServer:
                 if each.status == ACCEPTED:
                     self._end(each, _REPLACED, _FAILED)
             over = [k for k, each in self._goals.items() if each.is_over]
-            for old in over[: max(len(self._goals) - _MOST_GOALS, 0)]:
+            for old in over[: max(len(self._goals) - _MAX_GOALS, 0)]:
                 del self._goals[old]
             self._goals[key] = Goal(key, self._send.data, now)
             self._publish_status()
@@ -321,7 +321,7 @@ class FollowPathServer:
         if goal.is_over:
             return self._response(goal)
         goal.waiting.append(identity)
-        del goal.waiting[:-_MOST_GOALS]
+        del goal.waiting[:-_MAX_GOALS]
         return None
 
     def _response(self, goal: Goal) -> Message:

@@ -39,7 +39,7 @@ _ANNOUNCEMENTS = 1024
 key, so that the depth holds for all processes together."""
 _SETTLING_TIME = 0.1
 """Time for which further endpoints are waited for after the first one, s."""
-_MOST = 4096
+_MAX = 4096
 """Greatest number of samples that are read at once."""
 
 
@@ -263,7 +263,7 @@ class Node:
     def graph(self) -> Graph:
         """Return what is seen of the domain."""
         participants, publications, subscriptions = (
-            [each for each in view.read(_MOST, condition=alive) if each.sample_info.valid_data]
+            [each for each in view.read(_MAX, condition=alive) if each.sample_info.valid_data]
             for view, alive in zip(self._views, self._alive, strict=True)
         )
         self._read_announcements({each.key.bytes for each in participants})
@@ -353,7 +353,7 @@ class Node:
 
     def _read_announcements(self, alive: set[bytes]) -> None:
         """Update nodes and endpoints of each participant, and forget those that left."""
-        for received in self._infos.take(_MOST):
+        for received in self._infos.take(_MAX):
             message = received.message
             entities: list[tuple[str, bytes]] = []
             for node in message.node_entities_info_seq[:1000]:
@@ -384,7 +384,7 @@ class Node:
         return [
             (ros_type_name(each.type_name), user_data(each.qos).get("typehash", ""))
             for view, alive in zip(self._views[1:], self._alive[1:], strict=True)
-            for each in view.read(_MOST, condition=alive)
+            for each in view.read(_MAX, condition=alive)
             if each.sample_info.valid_data
             and each.participant_key.bytes != self.gid
             and ros_topic(each.topic_name)

@@ -254,7 +254,7 @@ class PathFollower:
             inflation=robot.body_radius + self.margin,
             options=PathOptions(),
             inflation_note=f"body radius {robot.body_radius:g} m and margin {self.margin:g} m",
-            least_inflation=robot.body_radius,
+            min_inflation=robot.body_radius,
         )
         limits = MotionLimits.of_robot(robot, max_speed=self.speed)
         return time_within_limits(found.spline, robot.chassis, limits)

@@ -21,12 +21,12 @@ from omnidrive.reference.waypoint_reference import spline_along
 from omnidrive.reference.waypoints.waypoints import untimed_waypoints
 from omnidrive.robot import Robot
 
-_MOST_POSES = 100_000
+_MAX_POSES = 100_000
 _NEAR = 0.02
 """Distance, m, below which the first pose of a path is replaced by that of the robot."""
 _SAME = 0.05
 """Distance, m, and angle, rad, up to which two paths are the same ahead of the robot."""
-_MOST_COMPARED = 500
+_MAX_COMPARED = 500
 """Number of points of each path above which only some are compared."""
 REST = WorldTwist(0.0, 0.0, 0.0)
 _MOVING, _LEVER = 0.02, 0.3
@@ -60,8 +60,8 @@ def path_poses(message: Any, world: str, tree: TransformTree) -> Float[Array, "p
         raise UnknownFrame(
             f"the path is in the frame {one_line(frame, 60)}, which is not known in {world}"
         )
-    if not 0 < len(message.poses) <= _MOST_POSES:
-        raise InvalidReference(f"the path has {len(message.poses)} poses, need 1 to {_MOST_POSES}")
+    if not 0 < len(message.poses) <= _MAX_POSES:
+        raise InvalidReference(f"the path has {len(message.poses)} poses, need 1 to {_MAX_POSES}")
     poses = np.array([compose(offset, pose_of(each.pose)) for each in message.poses])
     if not (np.abs(poses) < 1e6).all():
         raise InvalidReference("a pose of the path is not finite")
@@ -200,8 +200,8 @@ def is_same_ahead(
     if np.hypot(*(new[-1, :2] - old[-1, :2])) > _SAME or abs(wrap(new[-1, 2] - old[-1, 2])) > _SAME:
         return False
     near = int(np.hypot(*(new[:, :2] - position[:2]).T).argmin())
-    rest = new[near :: max(len(new) // _MOST_COMPARED, 1), :2]
-    old = old[:: max(len(old) // _MOST_COMPARED, 1), :2]
+    rest = new[near :: max(len(new) // _MAX_COMPARED, 1), :2]
+    old = old[:: max(len(old) // _MAX_COMPARED, 1), :2]
     starts, moves = old[:-1], np.diff(old, axis=0)
     if not len(moves):
         return bool(np.hypot(*(rest - old[0]).T).max() <= _SAME)

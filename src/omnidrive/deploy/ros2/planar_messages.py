@@ -12,7 +12,7 @@ from omnidrive.errors import InvalidMap
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
 
-_MOST_CELLS = 50_000_000
+_MAX_CELLS = 50_000_000
 """Largest number of cells of a map that is accepted, as of map files."""
 
 
@@ -116,10 +116,10 @@ def grid_of(message: Any, *, unknown_occupied: bool = True) -> OccupancyGrid:
             finite.
     """
     width, height = message.info.width, message.info.height
-    if not 0 < width * height <= _MOST_CELLS or width * height != len(message.data):
+    if not 0 < width * height <= _MAX_CELLS or width * height != len(message.data):
         raise InvalidMap(
             f"the map of {width} times {height} cells has {len(message.data)} of them, need 1 to "
-            f"{_MOST_CELLS}"
+            f"{_MAX_CELLS}"
         )
     cells = np.asarray(message.data).reshape(height, width)
     occupied = (cells >= 65) | ((cells < 0) if unknown_occupied else np.zeros_like(cells, bool))

@@ -22,7 +22,7 @@ from omnidrive.deploy.ros2.planar_messages import (
 from omnidrive.deploy.ros2.qos import LATCHED_QOS, SENSOR_QOS
 from omnidrive.deploy.ros2.ros_time import other_time, seconds
 from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation
-from omnidrive.deploy.ros2.transform_tree import MOST_FRAMES, Frames, Transform, TransformTree
+from omnidrive.deploy.ros2.transform_tree import MAX_FRAMES, Frames, Transform, TransformTree
 from omnidrive.errors import one_line
 from omnidrive.estimation import PoseFix
 from omnidrive.geometry import Pose, wrap
@@ -214,13 +214,13 @@ class PoseSource:
             self._set(self.frames.odom, self.frames.world, correction.pose, correction.stamp)
 
     def _take_static(self, message: Any) -> None:
-        for each in message.transforms[:MOST_FRAMES]:
+        for each in message.transforms[:MAX_FRAMES]:
             child, pose = each.child_frame_id, transform_of(each.transform)
             level = is_level(each.transform.rotation)
             self._set(child, each.header.frame_id, pose, inf, level=level)
 
     def _take_transforms(self, message: Any) -> None:
-        for each in message.transforms[:MOST_FRAMES]:
+        for each in message.transforms[:MAX_FRAMES]:
             child, parent = _name(each.child_frame_id), _name(each.header.frame_id)
             stamp, pose = seconds(each.header.stamp), transform_of(each.transform)
             if child == self.frames.odom and parent == self.frames.world:
@@ -295,7 +295,7 @@ class PoseSource:
     def _refuse(self, reason: str) -> None:
         """Count and report a refused pose; a reason is reported once, until poses are usable."""
         kind = "".join(each for each in reason if not each.isdigit())
-        if len(self.refused) < MOST_FRAMES:
+        if len(self.refused) < MAX_FRAMES:
             self.refused[reason] = self.refused.get(reason, 0) + 1
         self._reason = reason
         if kind != self._warned:

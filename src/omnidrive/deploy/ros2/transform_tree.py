@@ -8,7 +8,7 @@ from omnidrive.deploy.ros2.planar_messages import compose
 from omnidrive.errors import one_line
 from omnidrive.geometry import Pose
 
-MOST_FRAMES = 1000
+MAX_FRAMES = 1000
 """Largest number of frames that are kept."""
 
 
@@ -42,7 +42,7 @@ class TransformTree:
 
     def set(self, child: str, transform: Transform) -> None:
         """Set the parent of a frame, unless there are too many frames."""
-        if child in self._parents or len(self._parents) < MOST_FRAMES:
+        if child in self._parents or len(self._parents) < MAX_FRAMES:
             self._parents[child] = transform
 
     def get(self, child: str) -> Transform | None:
@@ -52,7 +52,7 @@ class TransformTree:
     def pose(self, frame: str, within: str) -> Pose | None:
         """Return the pose of a frame in one of its ancestors; None: it is not below it."""
         pose = Pose(0.0, 0.0, 0.0)
-        for _ in range(MOST_FRAMES):
+        for _ in range(MAX_FRAMES):
             if frame == within:
                 return pose
             found = self._parents.get(frame)

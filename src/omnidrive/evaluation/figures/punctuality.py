@@ -21,7 +21,7 @@ from omnidrive.evaluation.figures.style import (
 )
 
 _BINS = 60
-_LEAST = 1e-3  # ms
+_MIN = 1e-3  # ms
 
 
 def punctuality_figure(
@@ -47,12 +47,12 @@ def punctuality_figure(
 
 def _histogram(axes: Axes, times: Float[Array, " samples"], dt: float) -> None:
     """Draw a histogram of times, s, over a logarithmic axis in ms."""
-    values = np.maximum(1e3 * times, _LEAST)
+    values = np.maximum(1e3 * times, _MIN)
     most = max(2e3 * dt, float(values.max(initial=0.0)))
-    axes.hist(values, bins=np.geomspace(_LEAST, 1.01 * most, _BINS).tolist(), color=BLUE)
+    axes.hist(values, bins=np.geomspace(_MIN, 1.01 * most, _BINS).tolist(), color=BLUE)
     axes.axvline(1e3 * dt, color=DARK, ls=DASHED, lw=1.0, label="sample time")
     if times.size:
-        p99 = max(1e3 * float(np.percentile(times, 99)), _LEAST)
+        p99 = max(1e3 * float(np.percentile(times, 99)), _MIN)
         axes.axvline(p99, color=DARK, lw=0.8, label="99th percentile")
     set_log_scale(axes, "x")
     axes.set_yscale("symlog", linthresh=1.0)

@@ -102,14 +102,14 @@ def _explore(  # noqa: PLR0917
             while is_empty(queue, ring, bucket):
                 bucket += 1
             cell = pop(queue, ring, bucket)
-        least_estimate = start_estimate + (bucket << BUCKET_SHIFT)
-        if least_estimate >= best:
+        min_estimate = start_estimate + (bucket << BUCKET_SHIFT)
+        if min_estimate >= best:
             break
         row, col = cell >> shift, cell & (1 << shift) - 1
         at = tile_index(stride, row, col)
         word = int64(words[at])
         estimate = cost_to_go(heuristic, row - goal_row, col - goal_col)
-        so_far = _full_length(words, word, least_estimate - estimate)
+        so_far = _full_length(words, word, min_estimate - estimate)
         if word & _CLOSED or so_far >= best:
             continue
         words[at], expansions = word | _CLOSED, expansions + 1

@@ -18,7 +18,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.search.bit_ops import int64
 
-_MOST_BUCKETS = 1 << 16
+_MAX_BUCKETS = 1 << 16
 
 
 def bucket_queue(buckets: int, capacity: int) -> tuple[Int32[Array, " size"], int]:
@@ -29,7 +29,7 @@ def bucket_queue(buckets: int, capacity: int) -> tuple[Int32[Array, " size"], in
             to 2^16.
         capacity: Number of cells.
     """
-    last = min(_MOST_BUCKETS, 1 << buckets.bit_length()) - 1
+    last = min(_MAX_BUCKETS, 1 << buckets.bit_length()) - 1
     queue = np.zeros(last + 2 + 2 * capacity, np.int32)
     queue[last + 1] = last + 2
     return queue, last

@@ -19,7 +19,7 @@ from omnidrive.robot.imports.rotations import Matrix, Vector
 from omnidrive.robot.imports.wheel_mounts import listed
 
 _POINT = 1e-4  # m; radius of the sphere in place of a mesh; MuJoCo gives smaller ones no mass
-_LEAST_MASS = 1e-12  # kg; of a body without a known mass, which MuJoCo does not compile
+_MIN_MASS = 1e-12  # kg; of a body without a known mass, which MuJoCo does not compile
 _GEOM = mujoco.mjtGeom
 _MESHES = {_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF, _GEOM.mjGEOM_HFIELD}
 _ROUND = {_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_CYLINDER, _GEOM.mjGEOM_ELLIPSOID}
@@ -80,8 +80,8 @@ def _spec(text: str, models: dict[str, bytes]) -> tuple[mujoco.MjSpec, list[str]
     compiler = spec.compiler
     compiler.alignfree = compiler.fusestatic = compiler.discardvisual = False
     compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE
-    compiler.boundmass = max(compiler.boundmass, _LEAST_MASS)
-    compiler.boundinertia = max(compiler.boundinertia, 0.01 * _LEAST_MASS)
+    compiler.boundmass = max(compiler.boundmass, _MIN_MASS)
+    compiler.boundinertia = max(compiler.boundinertia, 0.01 * _MIN_MASS)
     spec.memory = 1 << 20  # no contacts are computed
     return spec, list(unknown)
 
@@ -152,7 +152,7 @@ class _Reader:
             self._turn @ data.xmat[body].reshape(3, 3),
             self._place(data.xpos[body]),
         )
-        if model.body_mass[body] > 10.0 * _LEAST_MASS and not self._ignore_mass:
+        if model.body_mass[body] > 10.0 * _MIN_MASS and not self._ignore_mass:
             up = (self._turn @ data.ximat[body].reshape(3, 3))[2]
             found.mass = float(model.body_mass[body])
             found.com = self._place(data.xipos[body])

@@ -10,7 +10,7 @@ from omnidrive.simulation.identification.regression import segments_of, without_
 from omnidrive.simulation.identification.robot_log import RobotLog
 
 _SEGMENT = 1.0  # s
-_LEAST_FIXES = 5  # in a segment, in the median
+_MIN_FIXES = 5  # in a segment, in the median
 
 
 class Fixes:
@@ -27,7 +27,7 @@ class Fixes:
 
     def __init__(self, log: RobotLog) -> None:
         self.at: Int[Array, " fixes"] = np.flatnonzero(log.measured)
-        self.length = max(_SEGMENT, _LEAST_FIXES * float(np.median(np.diff(log.t[self.at]))))
+        self.length = max(_SEGMENT, _MIN_FIXES * float(np.median(np.diff(log.t[self.at]))))
         self.segments = segments_of(log.t, self.length)
         self.counts = np.bincount(self.segments[self.at], minlength=int(self.segments[-1]) + 1)
         turns = np.diff(log.t) * np.nan_to_num(log.commands[:-1, 2])

@@ -67,7 +67,7 @@ from omnidrive.estimation.drive_estimate import (
     drive_estimate,
 )
 from omnidrive.estimation.drive_identification import START, DriveSample, identify
-from omnidrive.estimation.drive_memory import command_count, memory_size
+from omnidrive.estimation.identification_state import command_count, memory_size
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
 from omnidrive.robot import Chassis
@@ -85,9 +85,9 @@ class HolonomicController(GuardedController):
     stage is the difference of its two targets over ``dt``, so that a robot on the reference stays
     on it. The planned twist of a stage is the constant body twist from its first to its last state,
     along an arc. If the reference stands and the robot cannot be there at once, the targets are
-    those of the fastest motion on a straight line (:func:`~.approach.approach`), which passes the
-    target in no coordinate. A reference that ends in motion is followed up to its end, behind which
-    the robot stops.
+    those of the fastest motion on a straight line, which passes the target in no coordinate; see
+    :func:`~.minimum_time_targets.minimum_time_targets`. A reference that ends in motion is followed
+    up to its end, behind which the robot stops.
 
     The first state and the twist before the first stage are those of the motion observer
     (:mod:`~.motion_observer`), which compares the measured poses with the motion that the earlier
@@ -345,9 +345,11 @@ class HolonomicController(GuardedController):
 
         The motion observer predicts the motion since the last step, without a measurement.
         """
-        nowhere = UNKNOWN_TWIST
-        lost = SampleState(nan, nowhere, UNKNOWN_TWIST, UNKNOWN_VARIANCES, inf, self._delay, 0)
-        return self._command(lost, self._window.rows[: self._window.points], reason)
+        unknown_pose = (nan, nan, nan)
+        no_measurement = SampleState(
+            nan, unknown_pose, UNKNOWN_TWIST, UNKNOWN_VARIANCES, inf, self._delay, 0
+        )
+        return self._command(no_measurement, self._window.rows[: self._window.points], reason)
 
     def _command(
         self, now: SampleState, setpoints: Float[Array, "points 6"], reason: str

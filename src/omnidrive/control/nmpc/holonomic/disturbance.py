@@ -10,18 +10,18 @@ from omnidrive.robot.slip import Vector
 
 _USUAL_SPEED = 0.5
 """Speed, m/s, for which disturbances are stated where poses are noisy."""
-_LEAST_GAIN = 0.5
+_MIN_GAIN = 0.5
 """Smallest gain of a commanded twist that is compensated where poses are noisy."""
 
 
 @compiled
 def disturbance_at(model: SlipModel, memory: MotionMemory, command: Vector) -> Vector:
     """Return the estimated disturbance with a commanded twist; m/s, m/s, rad/s."""
-    lacking = memory.disturbance
+    disturbance = memory.disturbance
     return (
-        disturbance_scale(model, memory, command[0], 0) * lacking[0],
-        disturbance_scale(model, memory, command[1], 1) * lacking[1],
-        disturbance_scale(model, memory, command[2], 2) * lacking[2],
+        disturbance_scale(model, memory, command[0], 0) * disturbance[0],
+        disturbance_scale(model, memory, command[1], 1) * disturbance[1],
+        disturbance_scale(model, memory, command[2], 2) * disturbance[2],
     )
 
 
@@ -38,9 +38,9 @@ def without_disturbance(model: SlipModel, memory: MotionMemory, twist: Vector) -
 @compiled
 def _without(model: SlipModel, memory: MotionMemory, component: float, axis: int) -> float:
     """Return the component of :func:`without_disturbance` in an axis."""
-    share, lacking = noisy_share(model, memory, axis), memory.disturbance[axis]
-    gain = 1.0 + share * lacking / (_USUAL_SPEED * axis_unit(model, axis))
-    return float((component - (1.0 - share) * lacking) / max(gain, _LEAST_GAIN))
+    share, disturbance = noisy_share(model, memory, axis), memory.disturbance[axis]
+    gain = 1.0 + share * disturbance / (_USUAL_SPEED * axis_unit(model, axis))
+    return float((component - (1.0 - share) * disturbance) / max(gain, _MIN_GAIN))
 
 
 @compiled

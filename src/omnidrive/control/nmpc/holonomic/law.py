@@ -215,9 +215,9 @@ def finish(  # noqa: PLR0917
     details[0], details[1], details[2] = level, 0.0, nan
     if solved:
         details[1], details[2] = figures[3], figures[1]
-    lacking = disturbance_at(data.robot.model, motion, twist)
+    disturbance = disturbance_at(data.robot.model, motion, twist)
     for a in range(3):
-        command[a], details[3 + a] = twist[a], lacking[a]
+        command[a], details[3 + a] = twist[a], disturbance[a]
     details[6], details[7] = sqrt(max(motion.noise[0], 0.0)), delay
     for k in range(8, len(details)):
         details[k] = motion.identified[k - 8]

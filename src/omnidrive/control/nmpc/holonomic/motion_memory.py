@@ -54,7 +54,7 @@ class MotionMemory(NamedTuple):
     part of the lag that commands compensate (s); and the latter and the lag in yaw."""
     identified: Float[Array, " values"]
     """State of the identification of these parameters, see
-    :func:`~omnidrive.estimation.drive_memory.memory_in`; empty without identification."""
+    :func:`~omnidrive.estimation.identification_state.memory_in`; empty without identification."""
     commands: Float[Array, "commands 3"]
     """Commanded twists, the latest one first: one more than take effect later."""
     noise: Float[Array, " 13"]
@@ -66,8 +66,8 @@ class MotionMemory(NamedTuple):
     reached: Float[Array, " 3"]
     """Share of the planned acceleration that the robot reaches, minus the assumed one; how much its
     response is delayed, and has lately been late, 0 to 1; see
-    :func:`~.reached_acceleration.reached_share`, :func:`~.reached_acceleration.promptness` and
-    :func:`~.reached_acceleration.is_late`."""
+    :func:`~.acceleration_ratio.reached_share`, :func:`~.acceleration_ratio.response_ratio` and
+    :func:`~.acceleration_ratio.is_late`."""
 
 
 def observed_motion(memory: MotionMemory) -> ObservedMotion:

@@ -199,8 +199,10 @@ def correct(  # noqa: PLR0917
     moved, change = False, np.zeros(3)
     for a in range(3):
         total = memory.covariance[a, 0, 0] + pose_variance(model, memory, variances, a)
-        moved = moved or abs(innovation[a]) > _GATE * sqrt(total) + _reach(model, dt, a)
-    carries_on = moved and _carries_on(model, memory, innovation, dt)
+        moved = moved or abs(innovation[a]) > _GATE * sqrt(total) + _max_unmodelled_displacement(
+            model, dt, a
+        )
+    is_repeated = moved and _is_repeated_displacement(model, memory, innovation, dt)
     if not moved:
         estimate_noise(model, memory, innovation)
     _count_slips(memory, shares, dt if steady else 0.0)
@@ -210,9 +212,9 @@ def correct(  # noqa: PLR0917
         memory.noise[5 + a], memory.noise[9 + a] = 0.0, 0.0
         if moved:
             change[a] = memory.noise[9 + a] = innovation[a]
-            if carries_on:
+            if is_repeated:
                 memory.twist[a] += innovation[a] / dt
-                doubt_twist(model, memory, a, dt)
+                inflate_twist_variance(model, memory, a, dt)
             continue
         to_zero = p[2, 0] * innovation[a] * memory.disturbance[a] < 0.0
         wrong = memory.noise[12] > _MAX_SLIP_TIME and to_zero
@@ -242,7 +244,9 @@ def _count_slips(memory: MotionMemory, shares: tuple[float, float], dt: float) -
 
 
 @compiled
-def _carries_on(model: SlipModel, memory: MotionMemory, innovation: Vector, dt: float) -> bool:
+def _is_repeated_displacement(
+    model: SlipModel, memory: MotionMemory, innovation: Vector, dt: float
+) -> bool:
     """Return whether the robot is moved about as far as before: its twist is wrong.
 
     An outlier, in contrast, is followed by the same displacement back, or is too far away.
@@ -252,7 +256,10 @@ def _carries_on(model: SlipModel, memory: MotionMemory, innovation: Vector, dt: 
     for a in range(3):
         farthest = 2.0 * dt * model.max_rim_speed * axis_unit(model, a)
         change = abs(innovation[a] - memory.noise[9 + a])
-        if abs(innovation[a]) > farthest or change > _reach(model, dt, a) + turned[a]:
+        if (
+            abs(innovation[a]) > farthest
+            or change > _max_unmodelled_displacement(model, dt, a) + turned[a]
+        ):
             return False
     return True
 
@@ -270,7 +277,10 @@ def correct_twist(model: SlipModel, memory: MotionMemory, twist: Vector, dt: flo
         dt: Sample time, in s.
     """
     for a in range(3):
-        most = _GATE * sqrt(memory.covariance[a, 1, 1]) + _reach(model, dt, a) / dt
+        most = (
+            _GATE * sqrt(memory.covariance[a, 1, 1])
+            + _max_unmodelled_displacement(model, dt, a) / dt
+        )
         if abs(twist[a] - memory.twist[a]) > most:
             return
     for a in range(3):
@@ -280,9 +290,9 @@ def correct_twist(model: SlipModel, memory: MotionMemory, twist: Vector, dt: flo
 
 
 @compiled
-def doubt_twist(model: SlipModel, memory: MotionMemory, axis: int, dt: float) -> None:
+def inflate_twist_variance(model: SlipModel, memory: MotionMemory, axis: int, dt: float) -> None:
     """Raise the standard deviation of the twist to the change that is possible in ``dt`` (s)."""
-    sigma, p = _reach(model, dt, axis) / dt, memory.covariance[axis]
+    sigma, p = _max_unmodelled_displacement(model, dt, axis) / dt, memory.covariance[axis]
     p[1, 1] = max(p[1, 1], sigma * sigma)
 
 
@@ -322,8 +332,8 @@ def predict_delayed(
 @compiled
 def _disturbed(model: SlipModel, memory: MotionMemory, motors: Vector) -> Vector:
     """Return a twist of the motors plus the disturbance."""
-    lacking = disturbance_at(model, memory, motors)
-    return motors[0] + lacking[0], motors[1] + lacking[1], motors[2] + lacking[2]
+    disturbance = disturbance_at(model, memory, motors)
+    return motors[0] + disturbance[0], motors[1] + disturbance[1], motors[2] + disturbance[2]
 
 
 @compiled
@@ -341,7 +351,7 @@ def _vector(values: Float[Array, " 3"]) -> Vector:
 
 
 @compiled
-def _reach(model: SlipModel, dt: float, axis: int) -> float:
+def _max_unmodelled_displacement(model: SlipModel, dt: float, axis: int) -> float:
     """Return the largest displacement, m or rad, in ``dt`` (s) that the model may not explain.
 
     It is that of twice the acceleration at the friction limit; without forces, that of the speed.

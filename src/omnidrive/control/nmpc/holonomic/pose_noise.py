@@ -34,10 +34,10 @@ def estimate_noise(model: SlipModel, memory: MotionMemory, innovation: Vector) -
     """
     noise = memory.noise
     most = _largest_difference(model, noise[0], 0)
-    most_yaw = _largest_difference(model, noise[1], 2)
+    max_yaw = _largest_difference(model, noise[1], 2)
     x = min(max(innovation[0] - noise[5], -most), most)
     y = min(max(innovation[1] - noise[6], -most), most)
-    yaw = min(max(innovation[2] - noise[7], -most_yaw), most_yaw)
+    yaw = min(max(innovation[2] - noise[7], -max_yaw), max_yaw)
     noise[8] += 1.0
     share = 1.0 / min(noise[8], _NOISE_MEMORY)
     noise[0] += share * (-0.5 * (x * noise[2] + y * noise[3]) - noise[0])

@@ -10,9 +10,15 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
-from omnidrive.control.nmpc.holonomic.approach import approach
+from omnidrive.control.nmpc.holonomic.acceleration_ratio import (
+    is_late,
+    reached_share,
+    response_ratio,
+    update_reached,
+)
 from omnidrive.control.nmpc.holonomic.disturbance import without_disturbance
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
+from omnidrive.control.nmpc.holonomic.minimum_time_targets import minimum_time_targets
 from omnidrive.control.nmpc.holonomic.motion import arc_twist
 from omnidrive.control.nmpc.holonomic.motion_memory import (
     DELAY,
@@ -28,18 +34,12 @@ from omnidrive.control.nmpc.holonomic.motion_observer import (
     STEADY_SATURATION,
     correct,
     correct_twist,
-    doubt_twist,
+    inflate_twist_variance,
     predict,
     predict_delayed,
 )
 from omnidrive.control.nmpc.holonomic.pose_noise import NOISY
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.control.nmpc.holonomic.reached_acceleration import (
-    is_late,
-    promptness,
-    reached_share,
-    update_reached,
-)
 from omnidrive.control.nmpc.holonomic.robot_model import (
     RobotModel,
     acceleration_load,
@@ -72,7 +72,7 @@ _STANDING = 1e-9
 """Speed of a reference up to which it stands, m/s and rad/s."""
 _NEAR = 1e-6
 """Distance from a standing target up to which there is nothing to approach, m and rad."""
-_GENTLE = 0.3
+_MAX_LQR_LOAD = 0.3
 """Share of the limits of acceleration up to which the plan of least squares leads to the target."""
 
 _APPROACH_CORRECTIONS = (3, 2)
@@ -116,7 +116,7 @@ def observe(
         first = not isfinite(elapsed)  # before the first step, the robot is at rest
         restart(memory, now.pose, now.twist if known and first else (0.0, 0.0, 0.0))
         for a in range(0 if first else 3):
-            doubt_twist(robot.model, memory, a, dt)
+            inflate_twist_variance(robot.model, memory, a, dt)
         if first:
             for i in range(len(robot.drive)):
                 memory.drive[i] = robot.drive[i]
@@ -206,7 +206,7 @@ def fill_problem(  # noqa: PLR0917
         for a in range(3 if k > 0 else 0):
             p.feedforward[k - 1, a] = (p.targets[k, a] - p.targets[k - 1, a]) / p.dt
             speed = max(speed, abs(p.feedforward[k - 1, a]))
-    _pass_end(robot, p, last)
+    _extrapolate_targets(robot, p, last)
     distance = 0.0
     for a in range(3):
         distance = max(distance, abs(p.targets[0, a] - p.start[a]))
@@ -221,16 +221,16 @@ def _approach_target(
 ) -> bool:
     """Replace a standing target by an approach, unless the free plan is one well within limits."""
     target = (p.targets[0, 0], p.targets[0, 1], p.targets[0, 2])
-    lead, prompt = _lead(robot, p, twist), promptness(memory)
+    lead, prompt = _lead(robot, p, twist), response_ratio(memory)
     free = unconstrained_velocities(p)
     if not violates_constraints(p, free):
         vx, vy, rate = free[0]
         ahead, left = arc_twist(p.dt, p.start[2], vx, vy, rate)
         share = prompt * prompt  # a gentle change is not yet a near target if it acts too late
         change = (ahead - share * twist[0], left - share * twist[1], rate - share * twist[2])
-        if acceleration_load(robot.faces, change) <= _GENTLE * share * (0.5 * p.dt + lead):
+        if acceleration_load(robot.faces, change) <= _MAX_LQR_LOAD * share * (0.5 * p.dt + lead):
             return False
-    approach(
+    minimum_time_targets(
         p.start,
         twist,
         target,
@@ -252,7 +252,7 @@ def _approach_target(
 
 
 @compiled
-def _pass_end(robot: RobotModel, p: HolonomicProblem, last: int) -> None:
+def _extrapolate_targets(robot: RobotModel, p: HolonomicProblem, last: int) -> None:
     """Let targets after target ``last`` go on at its velocity if the robot cannot stop there.
 
     A reference that ends in motion stops at once, which no robot can do: a plan that shall be at

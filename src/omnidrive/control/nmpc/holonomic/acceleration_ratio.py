@@ -1,4 +1,4 @@
-"""Share of the planned acceleration that the robot reaches, and how promptly it does."""
+"""Ratio of the robot's acceleration to the planned one, and of its response in time."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.robot.slip import Vector
 
-_ASSUMED, _LEAST = 0.7, 0.3
+_ASSUMED, _MIN = 0.7, 0.3
 """Share that is assumed without evidence, and the least one."""
 _DEFICIT = 0.8
 """Acceleration over the predicted one, below which the robot does not reach it."""
-_HARD = 0.3
+_MIN_LOAD = 0.3
 """Least share of the limits of acceleration at which a deficit is evidence."""
-_RISE, _REACTION, _OBLIVION = 0.04, 0.1, 20.0
+_RISE, _REACTION, _FORGETTING_TIME = 0.04, 0.1, 20.0
 """Time constants in s: of rises, of reductions, and of the return to the assumed share."""
 _PROMPT, _DELAYED = 0.65, 0.55
 """Acceleration over the predicted one, from which on the response is prompt, and below which it is
 delayed."""
-_LEAST_PROMPTNESS, _DELAY_OBLIVION = 0.33, 10.0
-"""Promptness of a delayed response, and time constant in s with which a delay is forgotten."""
+_MIN_RESPONSE_RATIO, _DELAY_FORGETTING_TIME = 0.33, 10.0
+"""Ratio of a delayed response, and time constant in s with which a delay is forgotten."""
 _PUNCTUAL, _LATE = 0.35, 0.25
 """As :data:`_PROMPT` and :data:`_DELAYED`, for a response that a delay or a lag explains, but no
 lower friction."""
@@ -41,9 +41,9 @@ def reached_share(memory: MotionMemory) -> float:
 
 
 @compiled
-def promptness(memory: MotionMemory) -> float:
+def response_ratio(memory: MotionMemory) -> float:
     """Return the factor of speed per distance for a response that may be delayed, up to 1."""
-    return 1.0 - (1.0 - _LEAST_PROMPTNESS) * float(memory.reached[1])
+    return 1.0 - (1.0 - _MIN_RESPONSE_RATIO) * float(memory.reached[1])
 
 
 @compiled
@@ -96,16 +96,16 @@ def update_reached(  # noqa: PLR0917
             change += faces[j, a] * (memory.twist[a] - twist[a])
         load = max(load, abs(change) / dt)
     share = 1.0 - missing / expected
-    memory.reached[1] *= 1.0 - dt / _DELAY_OBLIVION
+    memory.reached[1] *= 1.0 - dt / _DELAY_FORGETTING_TIME
     memory.reached[2] *= max(1.0 - dt / _LATE_OBLIVION, 0.0)
-    if load > _HARD:
+    if load > _MIN_LOAD:
         delayed = min(max((_PROMPT - share) / (_PROMPT - _DELAYED), 0.0), 1.0)
         memory.reached[1] = max(memory.reached[1], delayed)
         late = min(max((_PUNCTUAL - share) / (_PUNCTUAL - _LATE), 0.0), 1.0)
         memory.reached[2] = max(memory.reached[2], late)
     reached = min(max(share, 0.0), 1.0) * min(load, 1.0)
-    change = max(reached, _LEAST) - reached_share(memory)
-    if load > _HARD and (change > 0.0 or share < _DEFICIT):
+    change = max(reached, _MIN) - reached_share(memory)
+    if load > _MIN_LOAD and (change > 0.0 or share < _DEFICIT):
         memory.reached[0] += dt / (dt + (_RISE if change > 0.0 else _REACTION)) * change
     else:
-        memory.reached[0] *= 1.0 - dt / _OBLIVION
+        memory.reached[0] *= 1.0 - dt / _FORGETTING_TIME

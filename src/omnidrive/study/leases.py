@@ -1,6 +1,6 @@
-"""Claims of runs: several processes share the work on one study.
+"""Leases of runs: several processes share the work on one study.
 
-A process claims the numbers of runs before it computes them. The claims of a process that has ended
+A process leases the numbers of runs before it computes them. The leases of a process that has ended
 are free: at once if it ran on this computer, otherwise when its heartbeat, a counter, has stood
 still for a while on the monotonic clock of the observer, so that clocks may differ and jump.
 """
@@ -24,8 +24,8 @@ from omnidrive.study.store import KeyedPlan, Store
 _RANGE = 2048  # numbers that are looked up at once
 
 
-class Claims:
-    """Claims of this process on the runs of a plan, in a ``with`` statement that releases them."""
+class Leases:
+    """Leases of this process on the runs of a plan, in a ``with`` statement that releases them."""
 
     def __init__(
         self,
@@ -36,13 +36,13 @@ class Claims:
         patience: float = 30.0,
         shared: bool = True,
     ) -> None:
-        """Prepare the claims.
+        """Prepare the leases.
 
         Args:
             store: The store of the study.
             plan: The plan.
             interval: Time between two heartbeats, s.
-            patience: Time without a heartbeat after which the claims of a process of another
+            patience: Time without a heartbeat after which the leases of a process of another
                 computer are free, s.
             shared: Whether other processes may compute runs of the same study.
         """
@@ -55,11 +55,11 @@ class Claims:
         self._ended = Event()
         self._thread = Thread(target=self._beat_on, daemon=True)
 
-    def __enter__(self) -> Claims:
+    def __enter__(self) -> Leases:
         """Start the heartbeat.
 
         Raises:
-            CannotWrite: The store cannot be written, or the claims are not shared and another
+            CannotWrite: The store cannot be written, or the leases are not shared and another
                 process computes the study.
         """
         while not self._registered():
@@ -94,19 +94,19 @@ class Claims:
 
     @property
     def left(self) -> int:
-        """Number of runs behind the last one that was claimed."""
+        """Number of runs behind the last one that was leased."""
         return len(self._plan) - self._next
 
     def take(self, count: int) -> list[int] | None:
-        """Claim up to ``count`` runs that are not stored, and return their numbers.
+        """Lease up to ``count`` runs that are not stored, and return their numbers.
 
-        A run whose key another process has claimed is left to that process.
+        A run whose key another process has leased is left to that process.
 
         Returns:
-            The numbers; empty if others have claimed all that are left; None if none is left.
+            The numbers; empty if others have leased all that are left; None if none is left.
 
         Raises:
-            CannotWrite: The claims cannot be stored.
+            CannotWrite: The leases cannot be stored.
         """
         with self._store.transaction() as connection:
             self._release_ended(connection)
@@ -114,7 +114,7 @@ class Claims:
             if not found and self._next > self._first:
                 found = self._search(connection, self._first, count)
             rows = [(number, key, self._id) for number, key in found]
-            connection.executemany("INSERT INTO claims VALUES (?,?,?)", rows)
+            connection.executemany("INSERT INTO leases VALUES (?,?,?)", rows)
         if found:
             self._next = found[-1][0] + 1
             return [number for number, _ in found]
@@ -124,25 +124,25 @@ class Claims:
     def _search(
         self, connection: sqlite3.Connection, start: int, count: int
     ) -> list[tuple[int, str]]:
-        """Return numbers and keys of up to ``count`` runs that are neither stored nor claimed."""
+        """Return numbers and keys of up to ``count`` runs that are neither stored nor leased."""
         found: list[tuple[int, str]] = []
         for low in range(start, len(self._plan), _RANGE):
             high = min(low + _RANGE, len(self._plan))
             stored = self._store.numbers(low, high)
             if low <= self._first <= high and len(stored) == high - low:
                 self._first = high
-            claimed = {
+            leased = {
                 number
                 for (number,) in connection.execute(
-                    "SELECT number FROM claims WHERE number >= ? AND number < ?", (low, high)
+                    "SELECT number FROM leases WHERE number >= ? AND number < ?", (low, high)
                 )
             }
             for number in range(low, high):
-                if number in stored or number in claimed:
+                if number in stored or number in leased:
                     continue
                 (key,) = self._plan.keys(number, number + 1)
                 taken = connection.execute(
-                    "SELECT 1 FROM claims WHERE key = ? AND owner != ?", (key, self._id)
+                    "SELECT 1 FROM leases WHERE key = ? AND owner != ?", (key, self._id)
                 )
                 if taken.fetchone() is None:
                     found.append((number, key))
@@ -151,7 +151,7 @@ class Claims:
         return found
 
     def _release_ended(self, connection: sqlite3.Connection) -> None:
-        """Release the claims of processes that have ended."""
+        """Release the leases of processes that have ended."""
         others = connection.execute(
             "SELECT id, host, pid, started, beat FROM processes WHERE id != ?", (self._id,)
         ).fetchall()
@@ -172,7 +172,7 @@ class Claims:
         return monotonic() - since > self._patience
 
     def _beat_on(self) -> None:
-        """Count the heartbeat, with a connection of this thread, until the claims end."""
+        """Count the heartbeat, with a connection of this thread, until the leases end."""
         with closing(sqlite3.connect(self._store.path, isolation_level=None)) as connection:
             for beat in count(1):
                 if self._ended.wait(self._interval):
@@ -190,22 +190,22 @@ class AtWork(NamedTuple):
     """Work that is being done on a study."""
 
     runs: int
-    """Runs that processes have claimed."""
+    """Runs that processes have leased."""
     processes: int
     """Number of these processes; those of other computers may have ended a moment ago."""
 
 
 def at_work(store: Store) -> AtWork:
-    """Return the number of claims of processes that may run, and that of these processes."""
+    """Return the number of leases of processes that may run, and that of these processes."""
     found = store.read("SELECT id, host, pid, started FROM processes")
     running = [owner for owner, host, pid, at in found if host != HOST or _start_of(pid) == at]
-    claims = [owner for (owner,) in store.read("SELECT owner FROM claims")]
-    return AtWork(sum(owner in running for owner in claims), len(running))
+    leases = [owner for (owner,) in store.read("SELECT owner FROM leases")]
+    return AtWork(sum(owner in running for owner in leases), len(running))
 
 
 def _remove(connection: sqlite3.Connection, owner: str) -> None:
-    """Remove a process and its claims."""
-    connection.execute("DELETE FROM claims WHERE owner = ?", (owner,))
+    """Remove a process and its leases."""
+    connection.execute("DELETE FROM leases WHERE owner = ?", (owner,))
     connection.execute("DELETE FROM processes WHERE id = ?", (owner,))
 
 

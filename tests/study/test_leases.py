@@ -1,4 +1,4 @@
-"""Claims of runs by several processes."""
+"""Leases of runs by several processes."""
 
 import os
 import subprocess
@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from omnidrive.errors import CannotWrite
-from omnidrive.study import claims as claims_module
-from omnidrive.study.claims import Claims, _start_of
+from omnidrive.study import leases as leases_module
+from omnidrive.study.leases import Leases, _start_of
 from omnidrive.study.store import Store
 from tests.study.synthetic import SyntheticPlan, record
 
@@ -24,24 +24,24 @@ def store(tmp_path):
 
 @pytest.fixture
 def other(store, tmp_path):
-    """Return the claims of another process."""
-    with Store(tmp_path) as second, Claims(second, PLAN) as claims:
-        yield claims
+    """Return the leases of another process."""
+    with Store(tmp_path) as second, Leases(second, PLAN) as leases:
+        yield leases
 
 
 @pytest.fixture
 def own(store):
-    with Claims(store, PLAN) as claims:
-        yield claims
+    with Leases(store, PLAN) as leases:
+        yield leases
 
 
 def enter(store, **values):
-    """Write what another process has stored, and its claim of the first ten runs."""
-    row = {"id": "x", "host": claims_module.HOST, "pid": 1, "started": "?", "beat": 3} | values
+    """Write what another process has stored, and its lease of the first ten runs."""
+    row = {"id": "x", "host": leases_module.HOST, "pid": 1, "started": "?", "beat": 3} | values
     with store.transaction() as connection:
         connection.execute("INSERT OR REPLACE INTO processes VALUES (?,?,?,?,?)", (*row.values(),))
         rows = [(n, key, "x") for n, key in enumerate(PLAN.keys(0, 10))]
-        connection.executemany("INSERT OR REPLACE INTO claims VALUES (?,?,?)", rows)
+        connection.executemany("INSERT OR REPLACE INTO leases VALUES (?,?,?)", rows)
 
 
 def test_two_processes_take_all_runs_once(store, own, other):
@@ -58,20 +58,20 @@ def test_two_processes_take_all_runs_once(store, own, other):
 
 def test_run_with_a_key_that_another_process_computes_is_left_to_it(store, tmp_path):
     plan = SyntheticPlan(6, period=4)
-    with Store(tmp_path) as second, Claims(store, plan) as own, Claims(second, plan) as other:
+    with Store(tmp_path) as second, Leases(store, plan) as own, Leases(second, plan) as other:
         assert own.take(2) == [0, 1]
         assert other.take(9) == [2, 3]
         assert own.take(9) == [4, 5]  # the keys of 0 and 1
 
 
-def test_claims_are_released_at_the_end(store, own, tmp_path):
-    with Store(tmp_path) as second, Claims(second, PLAN) as other:
+def test_leases_are_released_at_the_end(store, own, tmp_path):
+    with Store(tmp_path) as second, Leases(second, PLAN) as other:
         assert other.take(30) == list(range(30))
         assert own.take(30) == []
     assert own.take(30) == list(range(30))
 
 
-def test_claims_of_a_process_that_ended_are_free_at_once(store, own):
+def test_leases_of_a_process_that_ended_are_free_at_once(store, own):
     with subprocess.Popen([sys.executable, "-S", "-c", ""]) as ended:
         started = _start_of(ended.pid)
         ended.wait()
@@ -80,22 +80,22 @@ def test_claims_of_a_process_that_ended_are_free_at_once(store, own):
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs the start of processes")
-def test_number_of_a_process_that_is_used_again_frees_the_claims(store, own):
+def test_number_of_a_process_that_is_used_again_frees_the_leases(store, own):
     enter(store, pid=os.getpid(), started="other")
     assert own.take(1) == [0]
 
 
-def test_claims_of_a_process_that_runs_are_kept(store, own):
+def test_leases_of_a_process_that_runs_are_kept(store, own):
     enter(store, pid=os.getpid(), started=_start_of(os.getpid()))
     assert own.take(3) == [10, 11, 12]
 
 
-def test_claims_of_another_computer_are_free_when_its_heartbeat_stands_still(
+def test_leases_of_another_computer_are_free_when_its_heartbeat_stands_still(
     store, own, monkeypatch
 ):
     """By the clock of the observer: no time of another computer is read."""
     now = 1000.0
-    monkeypatch.setattr(claims_module, "monotonic", lambda: now)
+    monkeypatch.setattr(leases_module, "monotonic", lambda: now)
     enter(store, host="elsewhere")
     assert own.take(1) == [10]
     now += 29.0
@@ -111,49 +111,49 @@ def test_claims_of_another_computer_are_free_when_its_heartbeat_stands_still(
 
 
 def test_heartbeat_returns_after_another_process_took_this_one_for_ended(store, tmp_path):
-    with Claims(store, PLAN, interval=0.01):
+    with Leases(store, PLAN, interval=0.01):
         with store.transaction() as connection:
             connection.execute("DELETE FROM processes")
         for _ in range(500):
             ((count,),) = store._connection.execute("SELECT COUNT(*) FROM processes").fetchall()
             if count:
                 break
-            claims_module.Event().wait(0.01)
+            leases_module.Event().wait(0.01)
         assert count == 1
     ((count,),) = store._connection.execute("SELECT COUNT(*) FROM processes").fetchall()
     assert count == 0
 
 
 def test_search_begins_behind_stored_runs(store, own, monkeypatch):
-    monkeypatch.setattr(claims_module, "_RANGE", 4)
+    monkeypatch.setattr(leases_module, "_RANGE", 4)
     store.add([record(PLAN[n]) for n in (*range(10), 15)])
     assert own.take(4) == [10, 11, 12, 13]
     assert own.take(4) == [14, 16, 17, 18]
     assert own._first == 8
 
 
-def test_claims_that_are_not_shared_refuse_a_second_process(store, own, tmp_path):
+def test_leases_that_are_not_shared_refuse_a_second_process(store, own, tmp_path):
     with (
         Store(tmp_path) as second,
         pytest.raises(CannotWrite, match=rf"is in use: process {os.getpid()} computes this study"),
-        Claims(second, PLAN, shared=False),
+        Leases(second, PLAN, shared=False),
     ):
         pass
 
 
-def test_claims_that_are_not_shared_follow_a_process_that_has_ended(store):
+def test_leases_that_are_not_shared_follow_a_process_that_has_ended(store):
     """Of this computer at once; of another one when its heartbeat stands still."""
     for values in ({"pid": 2**22 + 1}, {"host": "elsewhere"}):
         enter(store, **values)
-        with Claims(store, PLAN, patience=0.05, shared=False) as claims:
-            assert claims.take(30) == list(range(30))
+        with Leases(store, PLAN, patience=0.05, shared=False) as leases:
+            assert leases.take(30) == list(range(30))
 
 
-def test_claims_that_are_not_shared_refuse_when_another_computer_is_at_work(store, monkeypatch):
+def test_leases_that_are_not_shared_refuse_when_another_computer_is_at_work(store, monkeypatch):
     enter(store, host="elsewhere", beat=3)
-    monkeypatch.setattr(claims_module, "sleep", lambda _: enter(store, host="elsewhere", beat=4))
+    monkeypatch.setattr(leases_module, "sleep", lambda _: enter(store, host="elsewhere", beat=4))
     with (
         pytest.raises(CannotWrite, match="process 1 of another computer computes this study"),
-        Claims(store, PLAN, shared=False),
+        Leases(store, PLAN, shared=False),
     ):
         pass

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnidrive.control.nmpc.holonomic.approach import approach
+from omnidrive.control.nmpc.holonomic.minimum_time_targets import minimum_time_targets
 from omnidrive.robot import ROBOTS, named_robot
 
 DT = 0.01
@@ -12,7 +12,7 @@ WEIGHTS = np.array([90.0, 90.0, 40.0])
 
 def targets(robot, start, twist, goal, count=400, reserve=1.0, reached=1.0, prompt=1.0):
     found = np.empty((count, 3))
-    approach(
+    minimum_time_targets(
         np.array(start),
         twist,
         goal,

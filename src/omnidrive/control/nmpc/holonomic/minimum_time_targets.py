@@ -23,7 +23,7 @@ this ratio, so that lags that the model does not have would cause oscillations."
 
 
 @compiled
-def approach(  # noqa: PLR0917
+def minimum_time_targets(  # noqa: PLR0917
     start: Float[Array, " 3"],
     twist: Vector,
     target: Vector,
