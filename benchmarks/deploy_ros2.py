@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from figures import at_most, row
 
-from omnidrive.deploy.ros2 import Node, Publisher, Subscription
+from omnidrive.ros2 import Node, Publisher, Subscription
 
 TWIST, ODOMETRY = "geometry_msgs/msg/Twist", "nav_msgs/msg/Odometry"
 DELAYS, MESSAGES, WINDOW = 10_000, 1_000_000, 8

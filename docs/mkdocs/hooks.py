@@ -43,6 +43,7 @@ PACKAGES = {
     "omnidrive.scenario": "Scenarios",
     "omnidrive.study": "Studies",
     "omnidrive.deploy": "On the robot",
+    "omnidrive.ros2": "ROS 2",
     "omnidrive.gym": "Gymnasium",
     "omnidrive.components": "Components",
     "omnidrive.testing": "Checks of your own parts",

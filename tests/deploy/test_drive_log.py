@@ -20,11 +20,11 @@ from omnidrive.deploy.log.drive_log import DriveStart
 from omnidrive.deploy.log.log_file import LogFile
 from omnidrive.deploy.log.logged_sample import decode_sample, encode_sample
 from omnidrive.deploy.remaining_reference import RemainingReference
-from omnidrive.deploy.ros2 import decode
 from omnidrive.errors import CannotWrite, InvalidInput, InvalidLog, MissingExtra
 from omnidrive.estimation import PoseFix, SensorReadings, State
 from omnidrive.geometry import BodyTwist
 from omnidrive.parameter import Bounds
+from omnidrive.ros2 import decode
 from tests.deploy.simulated_drive import DT, ROBOT, START, circle, controller, link
 
 POINTS = {

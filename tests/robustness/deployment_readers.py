@@ -24,13 +24,13 @@ from omnidrive.deploy.links.wheel_protocol import (
 from omnidrive.deploy.log import DriveLog, read_log
 from omnidrive.deploy.log.logged_event import Continued, Dropped, decode_event, encode_event
 from omnidrive.deploy.log.logged_sample import decode_sample, encode_sample
-from omnidrive.deploy.ros2 import decode, encode, message_type
 from omnidrive.deploy.ros2.drive_files import parameters_file
 from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
-from omnidrive.deploy.ros2.planar_messages import grid_of, pose_of, twist_of
 from omnidrive.errors import InvalidInput
 from omnidrive.files.bounded_file import read_bounded
 from omnidrive.geometry import BodyTwist
+from omnidrive.ros2 import decode, encode, message_type
+from omnidrive.ros2.planar_messages import grid_of, pose_of, twist_of
 from tests.deploy.simulated_drive import DT, START, circle, controller, link
 from tests.robustness.reader import Reader
 

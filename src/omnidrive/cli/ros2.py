@@ -22,8 +22,8 @@ from omnidrive.cli.terminal import conclude, print_json, show
 from omnidrive.errors import one_line
 
 if TYPE_CHECKING:
-    from omnidrive.deploy.ros2.doctor import Examination, Finding
     from omnidrive.deploy.ros2.simulated_robot import Ros2RobotSettings
+    from omnidrive.ros2.doctor import Examination, Finding
 
 ros2 = verb_group("Drive or simulate a robot in a ROS 2 graph, and examine the graph.")
 
@@ -71,9 +71,9 @@ def doctor(
     * `omnidrive ros2 doctor`
     * `omnidrive ros2 doctor --domain 5 --peer 192.168.0.20`
     """
-    from omnidrive.deploy.ros2 import Node
-    from omnidrive.deploy.ros2.doctor import diagnose, examine
     from omnidrive.parameter import Bounds, check_number
+    from omnidrive.ros2 import Node
+    from omnidrive.ros2.doctor import diagnose, examine
 
     check_number("--duration", duration, Bounds(0.1, 3600.0, "s"))
     options = node_options(domain, peers, distribution)
@@ -159,8 +159,8 @@ def simulate(
     """
     from math import inf
 
-    from omnidrive.deploy.ros2 import Node
     from omnidrive.deploy.ros2.simulated_robot import Ros2Robot
+    from omnidrive.ros2 import Node
 
     options = node_options(domain, peers, distribution)
     made, chosen, pose, grid, rng = _simulated(robot, plant, map, start, seed)

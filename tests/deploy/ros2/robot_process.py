@@ -4,11 +4,12 @@ import threading
 import time
 from contextlib import contextmanager
 
-from omnidrive.deploy.ros2 import Node, Ros2Robot, Ros2RobotSettings, message_type
-from omnidrive.deploy.ros2.planar_messages import set_pose, set_transform
-from omnidrive.deploy.ros2.ros_time import stamp
+from omnidrive.deploy.ros2 import Ros2Robot, Ros2RobotSettings
 from omnidrive.geometry import Pose
 from omnidrive.robot import named_robot
+from omnidrive.ros2 import Node, message_type
+from omnidrive.ros2.planar_messages import set_pose, set_transform
+from omnidrive.ros2.ros_time import stamp
 from omnidrive.simulation import KinematicPlant
 
 ROBOT = named_robot("mecanum")

@@ -10,15 +10,15 @@ from omnidrive.control import FeedforwardController
 from omnidrive.deploy.clock import MonotonicClock
 from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
 from omnidrive.deploy.robot_link import LinkLost
-from omnidrive.deploy.ros2 import Node
 from omnidrive.deploy.ros2.drive_reports import ReportedPipeline
 from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Circle, ShapeReference
-from tests.deploy.ros2.peer_process import new_domain
+from omnidrive.ros2 import Node
 from tests.deploy.ros2.robot_process import ROBOT, running_robot
+from tests.ros2.peer_process import new_domain
 
 TWIST = "geometry_msgs/msg/Twist"
 NOTE = "/behavior_server can also command /cmd_vel: a drive ends when one of them does"

@@ -8,15 +8,15 @@ import pytest
 from omnidrive.control import FeedforwardController
 from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
 from omnidrive.deploy.robot_link import LinkLost
-from omnidrive.deploy.ros2 import Node, message_type
 from omnidrive.deploy.ros2.drive_reports import ERROR, WARN, DriveReports, ReportedPipeline
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
 from omnidrive.deploy.ros2.plan_follower import PlanFollower
-from omnidrive.deploy.ros2.planar_messages import set_pose
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
-from tests.deploy.ros2.peer_process import new_domain
+from omnidrive.ros2 import Node, message_type
+from omnidrive.ros2.planar_messages import set_pose
 from tests.deploy.ros2.robot_process import ROBOT
+from tests.ros2.peer_process import new_domain
 
 
 @pytest.fixture(scope="module")

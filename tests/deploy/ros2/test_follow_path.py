@@ -21,7 +21,6 @@ from omnidrive.control.controller import STOP
 from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.links.ros2 import Ros2Link
 from omnidrive.deploy.robot_link import LinkLost
-from omnidrive.deploy.ros2 import Node, message_type
 from omnidrive.deploy.ros2.drive_reports import ReportedPipeline
 from omnidrive.deploy.ros2.follow_path import (
     ABORTED,
@@ -35,13 +34,14 @@ from omnidrive.deploy.ros2.follow_path import (
 )
 from omnidrive.deploy.ros2.path_follower import DriveRequests, NoPose, PathFollower
 from omnidrive.deploy.ros2.path_reference import UnknownFrame
-from omnidrive.deploy.ros2.planar_messages import set_pose
-from omnidrive.deploy.ros2.service import ACTIVE, UNCONFIGURED, Lifecycle
 from omnidrive.errors import InvalidMessage, InvalidReference
 from omnidrive.geometry import BodyTwist, Pose
-from tests.deploy.ros2.peer_process import new_domain
-from tests.deploy.ros2.peer_types import from_peer, to_peer, typestore
+from omnidrive.ros2 import Node, message_type
+from omnidrive.ros2.planar_messages import set_pose
+from omnidrive.ros2.service import ACTIVE, UNCONFIGURED, Lifecycle
 from tests.deploy.ros2.robot_process import ROBOT, running_robot
+from tests.ros2.peer_process import new_domain
+from tests.ros2.peer_types import from_peer, to_peer, typestore
 
 ACTION = "nav2_msgs/action/FollowPath"
 STORE = typestore("jazzy")

@@ -14,12 +14,12 @@ from omnidrive.control import FeedforwardController
 from omnidrive.control.controller import STOP
 from omnidrive.deploy.drive_state import DriveState
 from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
-from omnidrive.deploy.ros2 import Node
 from omnidrive.deploy.ros2.drive_reports import ReportedPipeline
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
 from omnidrive.reference import Circle, ShapeReference
-from tests.deploy.ros2.peer_process import new_domain
+from omnidrive.ros2 import Node
 from tests.deploy.ros2.robot_process import ROBOT, running_robot
+from tests.ros2.peer_process import new_domain
 
 pytestmark = pytest.mark.long
 

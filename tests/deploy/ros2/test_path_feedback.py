@@ -5,10 +5,10 @@ from math import pi
 import numpy as np
 import pytest
 
-from omnidrive.deploy.ros2 import encode, message_type
 from omnidrive.deploy.ros2.path_feedback import fill_feedback, tracking
 from omnidrive.geometry import Pose
-from tests.deploy.ros2.peer_types import STORES
+from omnidrive.ros2 import encode, message_type
+from tests.ros2.peer_types import STORES
 
 PATH = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 2.0, 0.0)])
 

@@ -6,12 +6,12 @@ from math import inf, nan, pi
 import numpy as np
 import pytest
 
-from omnidrive.deploy.ros2 import Node
 from omnidrive.deploy.ros2.pose_source import PoseSource
-from omnidrive.deploy.ros2.transform_tree import Frames, Transform, TransformTree
 from omnidrive.geometry import Pose
-from tests.deploy.ros2.peer_process import new_domain
+from omnidrive.ros2 import Node
+from omnidrive.ros2.transform_tree import Frames, Transform, TransformTree
 from tests.deploy.ros2.robot_process import ROBOT, Odometer
+from tests.ros2.peer_process import new_domain
 
 
 class Bench:

@@ -16,23 +16,23 @@ from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
 from omnidrive.deploy.log import LogFolder, read_log
 from omnidrive.deploy.log_replay import replay_log
 from omnidrive.deploy.robot_link import LinkLost, RobotLink
-from omnidrive.deploy.ros2 import LATCHED_QOS, Node, message_type
 from omnidrive.deploy.ros2.drive_files import PARAMETERS_FILE, drive_of_log, parameters_file
 from omnidrive.deploy.ros2.drive_reports import DriveReports, ReportedPipeline
 from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
 from omnidrive.deploy.ros2.path_reference import is_same_ahead, path_poses, path_reference
 from omnidrive.deploy.ros2.plan_follower import PlanFollower
-from omnidrive.deploy.ros2.planar_messages import map_message, set_pose
-from omnidrive.deploy.ros2.ros_time import stamp
-from omnidrive.deploy.ros2.transform_tree import Transform, TransformTree
 from omnidrive.errors import InvalidInput, InvalidReference
 from omnidrive.geometry import BodyTwist, Pose, wrap
 from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Circle, Hold, ShapeReference
+from omnidrive.ros2 import LATCHED_QOS, Node, message_type
+from omnidrive.ros2.planar_messages import map_message, set_pose
+from omnidrive.ros2.ros_time import stamp
+from omnidrive.ros2.transform_tree import Transform, TransformTree
 from tests.command import omnidrive
-from tests.deploy.ros2.peer_process import new_domain
 from tests.deploy.ros2.robot_process import ROBOT, Odometer, running_robot
+from tests.ros2.peer_process import new_domain
 
 RATE = 25.0
 QUICK = Ros2LinkSettings(timeout=0.1)

@@ -9,21 +9,22 @@ import pytest
 from omnidrive.control import FeedforwardController
 from omnidrive.deploy.drive_state import DriveState
 from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
-from omnidrive.deploy.ros2 import Node, Ros2Robot, Ros2RobotSettings, message_type
+from omnidrive.deploy.ros2 import Ros2Robot, Ros2RobotSettings
 from omnidrive.deploy.ros2.drive_reports import ReportedPipeline
 from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
-from omnidrive.deploy.ros2.planar_messages import is_level
 from omnidrive.deploy.ros2.pose_source import PoseSource
 from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation, odometry_at
-from omnidrive.deploy.ros2.transform_tree import Frames
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid, paper_map
 from omnidrive.reference import Hold
+from omnidrive.ros2 import Node, message_type
+from omnidrive.ros2.planar_messages import is_level
+from omnidrive.ros2.transform_tree import Frames
 from omnidrive.simulation import KinematicPlant
-from tests.deploy.ros2.peer_process import new_domain, running_peer
 from tests.deploy.ros2.robot_process import ROBOT, Odometer, running_robot
+from tests.ros2.peer_process import new_domain, running_peer
 
 RATE = 25.0
 NEAR = Pose(1.6, 1.9, 0.2)

@@ -8,18 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omnidrive.deploy.ros2 import LATCHED_QOS, SENSOR_QOS, Node, Qos, message_type
-from omnidrive.deploy.ros2.planar_messages import (
-    compose,
-    grid_of,
-    inverse,
-    map_message,
-    pose_of,
-    set_pose,
-    transform_of,
-)
-from omnidrive.deploy.ros2.robot_description import robot_description
-from omnidrive.deploy.ros2.ros_time import RosClock, seconds, stamp
 from omnidrive.deploy.ros2.simulated_robot import (
     Ros2Robot,
     Ros2RobotSettings,
@@ -30,8 +18,20 @@ from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import named_robot
 from omnidrive.robot.imports import import_robot
+from omnidrive.ros2 import LATCHED_QOS, SENSOR_QOS, Node, Qos, message_type
+from omnidrive.ros2.planar_messages import (
+    compose,
+    grid_of,
+    inverse,
+    map_message,
+    pose_of,
+    set_pose,
+    transform_of,
+)
+from omnidrive.ros2.robot_description import robot_description
+from omnidrive.ros2.ros_time import RosClock, seconds, stamp
 from omnidrive.simulation import KinematicPlant
-from tests.deploy.ros2.peer_process import new_domain
+from tests.ros2.peer_process import new_domain
 
 ROBOT = named_robot("mecanum")
 START = Pose(1.0, 1.5, 0.5)

@@ -13,19 +13,19 @@ from omnidrive.control.controller import STOP
 from omnidrive.deploy.clock import Clock
 from omnidrive.deploy.robot_link import LinkCapabilities, LinkLost
 from omnidrive.deploy.ros2.command_rivals import CommandRivals
-from omnidrive.deploy.ros2.names import resolve
-from omnidrive.deploy.ros2.node import Node, Publisher, Subscription
-from omnidrive.deploy.ros2.planar_messages import set_twist
 from omnidrive.deploy.ros2.pose_source import PoseSource
-from omnidrive.deploy.ros2.qos import SENSOR_QOS
-from omnidrive.deploy.ros2.ros_time import RosClock, stamp
 from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation
-from omnidrive.deploy.ros2.transform_tree import Frames
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import SensorReadings
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.parameter import Bounds, check_bounds, check_choice
 from omnidrive.robot import Robot
+from omnidrive.ros2.names import resolve
+from omnidrive.ros2.node import Node, Publisher, Subscription
+from omnidrive.ros2.planar_messages import set_twist
+from omnidrive.ros2.qos import SENSOR_QOS
+from omnidrive.ros2.ros_time import RosClock, stamp
+from omnidrive.ros2.transform_tree import Frames
 
 _log = logging.getLogger("omnidrive")
 _LISTENING_TIME = 0.25

@@ -25,13 +25,13 @@ from omnidrive.deploy.log.logged_sample import LoggedSample, encode_sample
 from omnidrive.deploy.log.viewer_messages import BODY, Stamped, ViewerMessages
 from omnidrive.deploy.realtime import Measure, schedule_below_loop
 from omnidrive.deploy.robot_link import RobotLink
-from omnidrive.deploy.ros2.cdr import encode
-from omnidrive.deploy.ros2.robot_description import robot_description
 from omnidrive.errors import InvalidInput, one_line
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.parameter import Bounds, check_number
 from omnidrive.reference import Reference
 from omnidrive.robot.robot_file import robot_text
+from omnidrive.ros2.cdr import encode
+from omnidrive.ros2.robot_description import robot_description
 
 FORMAT = "omnidrive-drive-log-1"
 """Name of the format in the metadata."""

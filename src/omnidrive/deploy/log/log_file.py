@@ -14,12 +14,12 @@ from typing import Any
 from omnidrive.deploy.log.logged_event import EVENT_TYPE
 from omnidrive.deploy.log.logged_sample import SAMPLE_TYPE
 from omnidrive.deploy.log.viewer_messages import TOPICS
-from omnidrive.deploy.ros2.cdr import encode
-from omnidrive.deploy.ros2.interface import LATEST, definition_text
-from omnidrive.deploy.ros2.message import message_type
-from omnidrive.deploy.ros2.type_hash import type_hash
 from omnidrive.errors import MissingExtra
 from omnidrive.files.output_file import write_errors
+from omnidrive.ros2.cdr import encode
+from omnidrive.ros2.interface import LATEST, definition_text
+from omnidrive.ros2.message import message_type
+from omnidrive.ros2.type_hash import type_hash
 
 SAMPLES, EVENTS = "/drive/samples", "/drive/events"
 """Topics from which a drive is read again."""

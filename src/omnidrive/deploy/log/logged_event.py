@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 from omnidrive.control.supervision import Event
 from omnidrive.deploy.drive_state import DriveState, StateChange
 from omnidrive.deploy.log.logged_sample import Segment
-from omnidrive.deploy.ros2.cdr import decode, encode
-from omnidrive.deploy.ros2.message import message_type
 from omnidrive.errors import InvalidLog, one_line
 from omnidrive.geometry import Pose
+from omnidrive.ros2.cdr import decode, encode
+from omnidrive.ros2.message import message_type
 
 EVENT_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 """Message with what happened, in the values of its only status."""

@@ -20,11 +20,11 @@ from omnidrive.control import (
 )
 from omnidrive.control.pipeline import Part
 from omnidrive.deploy.drive_state import DriveState
-from omnidrive.deploy.ros2.cdr import decode, encode
-from omnidrive.deploy.ros2.message import message_type
 from omnidrive.errors import InvalidLog, one_line
 from omnidrive.estimation import PoseFix, SensorReadings, State
 from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.ros2.cdr import decode, encode
+from omnidrive.ros2.message import message_type
 
 SAMPLE_TYPE = "std_msgs/msg/Float64MultiArray"
 """Message with the numbers of a sample; ``layout.dim`` names its blocks."""

@@ -10,17 +10,17 @@ from omnidrive.control import CommandValue, PipelineStep, Status, WheelSpeeds
 from omnidrive.control.supervision import Event
 from omnidrive.deploy.drive_state import DriveState, StateChange
 from omnidrive.deploy.log.logged_sample import LoggedSample
-from omnidrive.deploy.ros2.message import Message, message_type
-from omnidrive.deploy.ros2.planar_messages import (
+from omnidrive.estimation import PoseFix, SensorReadings
+from omnidrive.geometry import BodyTwist, Pose, wrap
+from omnidrive.robot import Robot
+from omnidrive.ros2.message import Message, message_type
+from omnidrive.ros2.planar_messages import (
     planar_covariance,
     set_pose,
     set_transform,
     set_twist,
 )
-from omnidrive.deploy.ros2.robot_description import wheel_joints
-from omnidrive.estimation import PoseFix, SensorReadings
-from omnidrive.geometry import BodyTwist, Pose, wrap
-from omnidrive.robot import Robot
+from omnidrive.ros2.robot_description import wheel_joints
 
 WORLD, BODY = "map", "base_link"
 """Frames W and B (REP 105)."""

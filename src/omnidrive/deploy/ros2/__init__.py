@@ -1,4 +1,4 @@
-"""ROS 2 without a ROS installation: messages, nodes, and a robot in the graph."""
+"""Robots in a graph of ROS 2: simulated ones, and drives along paths and to goals."""
 
 import lazy_loader as _lazy
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Collection
 
-from omnidrive.deploy.ros2.graph import Endpoint, describe
-from omnidrive.deploy.ros2.node import Node, Publisher
-from omnidrive.deploy.ros2.qos import SENSOR_QOS
 from omnidrive.errors import one_line
+from omnidrive.ros2.graph import Endpoint, describe
+from omnidrive.ros2.node import Node, Publisher
+from omnidrive.ros2.qos import SENSOR_QOS
 
 _DEPTH = 64
 _NAMING_TIME = 1.0

@@ -9,13 +9,13 @@ from typing import Any
 
 from omnidrive.control import Pipeline, PipelineStep
 from omnidrive.control.controller import Status
-from omnidrive.deploy.ros2.message import Message, message_type
-from omnidrive.deploy.ros2.node import Node
-from omnidrive.deploy.ros2.planar_messages import set_pose
-from omnidrive.deploy.ros2.ros_time import RosClock, stamp
 from omnidrive.estimation import SensorReadings
 from omnidrive.geometry import Pose, wrap
 from omnidrive.reference import Reference
+from omnidrive.ros2.message import Message, message_type
+from omnidrive.ros2.node import Node
+from omnidrive.ros2.planar_messages import set_pose
+from omnidrive.ros2.ros_time import RosClock, stamp
 
 _PERIOD = 0.2  # s
 _AHEAD, _POINTS = 2.0, 20  # s

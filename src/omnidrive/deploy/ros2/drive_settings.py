@@ -16,7 +16,6 @@ from omnidrive.control.components import ControllerContext
 from omnidrive.control.controller import check_controller
 from omnidrive.deploy.links.ros2 import Ros2LinkSettings
 from omnidrive.deploy.ros2.drive_reports import DriveReports, ReportedPipeline
-from omnidrive.deploy.ros2.transform_tree import Frames
 from omnidrive.errors import InvalidInput, one_line, short_repr, suggestion
 from omnidrive.files.number_text import parse_number
 from omnidrive.files.str_path import StrPath, to_path
@@ -24,6 +23,7 @@ from omnidrive.files.yaml_file import read_yaml
 from omnidrive.geometry import Pose, check_heading
 from omnidrive.parameter import Bounds, check_bounds, check_number
 from omnidrive.robot import Robot, named_robot
+from omnidrive.ros2.transform_tree import Frames
 from omnidrive.scenario.scenario_file import listed, problems_of
 
 _EVERY_NODE = "/**"

@@ -15,14 +15,14 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.drive import DriveResult
-from omnidrive.deploy.ros2.message import Message, message_type
 from omnidrive.deploy.ros2.path_feedback import fill_feedback
 from omnidrive.deploy.ros2.path_follower import NoPose, PathFollower
 from omnidrive.deploy.ros2.path_reference import UnknownFrame, is_same_ahead, path_poses
-from omnidrive.deploy.ros2.qos import LATCHED_QOS
-from omnidrive.deploy.ros2.ros_time import stamp
-from omnidrive.deploy.ros2.service import ACTIVE, FINALIZED, Lifecycle, Service
 from omnidrive.errors import InvalidMessage, InvalidReference, OmnidriveError, one_line
+from omnidrive.ros2.message import Message, message_type
+from omnidrive.ros2.qos import LATCHED_QOS
+from omnidrive.ros2.ros_time import stamp
+from omnidrive.ros2.service import ACTIVE, FINALIZED, Lifecycle, Service
 
 _log = logging.getLogger("omnidrive")
 _POLL, _FEEDBACK_PERIOD = 0.005, 0.1  # s

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.deploy.ros2.message import Message
-from omnidrive.deploy.ros2.planar_messages import set_pose
 from omnidrive.geometry import Pose, wrap
+from omnidrive.ros2.message import Message
+from omnidrive.ros2.planar_messages import set_pose
 
 
 class Tracking(NamedTuple):

@@ -21,15 +21,15 @@ from omnidrive.deploy.realtime import schedule_below_loop
 from omnidrive.deploy.robot_link import LinkLost
 from omnidrive.deploy.ros2.drive_files import reference_file
 from omnidrive.deploy.ros2.drive_reports import ERROR, OK, DriveReports
-from omnidrive.deploy.ros2.node import Node, Subscription
 from omnidrive.deploy.ros2.path_continuation import PathContinuation
 from omnidrive.deploy.ros2.path_reference import path_reference
-from omnidrive.deploy.ros2.ros_time import SimulatedTimeClock
 from omnidrive.errors import one_line
 from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import PathOptions, Waypoint, plan
 from omnidrive.reference import MotionLimits, Reference, time_within_limits
+from omnidrive.ros2.node import Node, Subscription
+from omnidrive.ros2.ros_time import SimulatedTimeClock
 
 _log = logging.getLogger("omnidrive")
 _POLL = 0.02  # s

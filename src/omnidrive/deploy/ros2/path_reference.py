@@ -11,8 +11,6 @@ from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline
 
 from omnidrive.arrays import Array
-from omnidrive.deploy.ros2.planar_messages import compose, pose_of
-from omnidrive.deploy.ros2.transform_tree import TransformTree
 from omnidrive.errors import InvalidReference, one_line
 from omnidrive.geometry import Pose, WorldTwist, wrap
 from omnidrive.planning import SplinePath
@@ -20,6 +18,8 @@ from omnidrive.reference import MotionLimits, Reference, time_within_limits
 from omnidrive.reference.waypoint_reference import spline_along
 from omnidrive.reference.waypoints.waypoints import untimed_waypoints
 from omnidrive.robot import Robot
+from omnidrive.ros2.planar_messages import compose, pose_of
+from omnidrive.ros2.transform_tree import TransformTree
 
 _MAX_POSES = 100_000
 _NEAR = 0.02

@@ -15,15 +15,15 @@ from omnidrive.arrays import Array
 from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.drive import DriveResult
 from omnidrive.deploy.ros2.drive_reports import WARN
-from omnidrive.deploy.ros2.node import Subscription
 from omnidrive.deploy.ros2.path_follower import PathFollower
 from omnidrive.deploy.ros2.path_reference import is_same_ahead, path_poses
-from omnidrive.deploy.ros2.planar_messages import grid_of, pose_of
-from omnidrive.deploy.ros2.qos import LATCHED_QOS
 from omnidrive.errors import InvalidInput, OmnidriveError, one_line
 from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid
 from omnidrive.reference import Reference
+from omnidrive.ros2.node import Subscription
+from omnidrive.ros2.planar_messages import grid_of, pose_of
+from omnidrive.ros2.qos import LATCHED_QOS
 
 _POLL = 0.02  # s
 _NEW_PATH = "a new path"

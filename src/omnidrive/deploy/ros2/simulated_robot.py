@@ -13,9 +13,14 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.control.controller import STOP
-from omnidrive.deploy.ros2.message import Message, message_type
-from omnidrive.deploy.ros2.node import Node
-from omnidrive.deploy.ros2.planar_messages import (
+from omnidrive.estimation import EncoderSettings
+from omnidrive.geometry import Pose, move, wrap
+from omnidrive.maps import OccupancyGrid
+from omnidrive.parameter import Bounds, check_bounds, check_choice
+from omnidrive.robot import Robot
+from omnidrive.ros2.message import Message, message_type
+from omnidrive.ros2.node import Node
+from omnidrive.ros2.planar_messages import (
     compose,
     inverse,
     map_message,
@@ -25,14 +30,9 @@ from omnidrive.deploy.ros2.planar_messages import (
     set_twist,
     twist_of,
 )
-from omnidrive.deploy.ros2.qos import LATCHED_QOS, Qos
-from omnidrive.deploy.ros2.robot_description import robot_description, wheel_joints
-from omnidrive.deploy.ros2.ros_time import other_time, seconds, stamp
-from omnidrive.estimation import EncoderSettings
-from omnidrive.geometry import Pose, move, wrap
-from omnidrive.maps import OccupancyGrid
-from omnidrive.parameter import Bounds, check_bounds, check_choice
-from omnidrive.robot import Robot
+from omnidrive.ros2.qos import LATCHED_QOS, Qos
+from omnidrive.ros2.robot_description import robot_description, wheel_joints
+from omnidrive.ros2.ros_time import other_time, seconds, stamp
 from omnidrive.simulation import Plant, PlantState
 from omnidrive.simulation.sensors.encoders import Encoders
 from omnidrive.simulation.sensors.lidar import LidarSettings

@@ -8,7 +8,7 @@ from functools import cache
 from hashlib import sha256
 from typing import Any, cast, get_args
 
-from omnidrive.deploy.ros2.interface import (
+from omnidrive.ros2.interface import (
     LATEST,
     Distribution,
     Field,

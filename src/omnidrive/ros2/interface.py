@@ -87,7 +87,7 @@ def interfaces(distribution: Distribution = LATEST) -> Mapping[str, Interface]:
     check_choice("distribution", distribution, get_args(Distribution))
     found: dict[str, list[Field]] = {}
     fields: list[Field] = []
-    text = files("omnidrive.deploy.ros2").joinpath("interfaces.txt").read_text(encoding="utf-8")
+    text = files("omnidrive.ros2").joinpath("interfaces.txt").read_text(encoding="utf-8")
     for line in text.splitlines():
         if line.startswith("  "):
             fields.append(_field(line))

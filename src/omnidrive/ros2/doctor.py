@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Literal, NamedTuple
 
-from omnidrive.deploy.ros2.graph import Endpoint, Graph, describe
-from omnidrive.deploy.ros2.interface import Distribution, interfaces
-from omnidrive.deploy.ros2.node import Node, Subscription
-from omnidrive.deploy.ros2.qos import SENSOR_QOS
-from omnidrive.deploy.ros2.ros_time import seconds
-from omnidrive.deploy.ros2.type_hash import distributions_with, type_hash
+from omnidrive.ros2.graph import Endpoint, Graph, describe
+from omnidrive.ros2.interface import Distribution, interfaces
+from omnidrive.ros2.node import Node, Subscription
+from omnidrive.ros2.qos import SENSOR_QOS
+from omnidrive.ros2.ros_time import seconds
+from omnidrive.ros2.type_hash import distributions_with, type_hash
 
 STAMPED = {
     "geometry_msgs/msg/PoseWithCovarianceStamped",

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from omnidrive.deploy.ros2.dds import cyclonedds, user_data
-from omnidrive.deploy.ros2.names import ros_topic, ros_type_name
-from omnidrive.deploy.ros2.qos import Qos, ros_qos
+from omnidrive.ros2.dds import cyclonedds, user_data
+from omnidrive.ros2.names import ros_topic, ros_type_name
+from omnidrive.ros2.qos import Qos, ros_qos
 
 
 class Endpoint(NamedTuple):

@@ -4,10 +4,10 @@ import threading
 
 import pytest
 
-from omnidrive.deploy.ros2 import Endpoint, Graph, Node, Participant, Qos, type_hash
-from omnidrive.deploy.ros2.doctor import Examination, TopicTraffic, diagnose, examine
-from omnidrive.deploy.ros2.qos import SENSOR_QOS
-from tests.deploy.ros2.peer_process import new_domain, running_peer
+from omnidrive.ros2 import Endpoint, Graph, Node, Participant, Qos, type_hash
+from omnidrive.ros2.doctor import Examination, TopicTraffic, diagnose, examine
+from omnidrive.ros2.qos import SENSOR_QOS
+from tests.ros2.peer_process import new_domain, running_peer
 
 TWIST, ODOMETRY = "geometry_msgs/msg/Twist", "nav_msgs/msg/Odometry"
 CYCLONE, FAST = b"\x01\x10" + bytes(14), b"\x01\x0f" + bytes(14)

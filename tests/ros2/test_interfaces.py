@@ -3,9 +3,9 @@
 import pytest
 from rosbags.typesys import get_types_from_msg, get_typestore
 
-from omnidrive.deploy.ros2 import definition_text, interfaces, type_hash
-from omnidrive.deploy.ros2.type_hash import distribution_of, distributions_with
-from tests.deploy.ros2.peer_types import STORES, typestore
+from omnidrive.ros2 import definition_text, interfaces, type_hash
+from omnidrive.ros2.type_hash import distribution_of, distributions_with
+from tests.ros2.peer_types import STORES, typestore
 
 
 @pytest.mark.parametrize("distribution", STORES)

@@ -9,8 +9,10 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any, NamedTuple, cast, get_args
 
-from omnidrive.deploy.ros2.cdr import decode, encode
-from omnidrive.deploy.ros2.dds import (
+from omnidrive.errors import InvalidMessage
+from omnidrive.parameter import check_choice
+from omnidrive.ros2.cdr import decode, encode
+from omnidrive.ros2.dds import (
     cyclonedds,
     dds_qos,
     dds_type,
@@ -19,14 +21,12 @@ from omnidrive.deploy.ros2.dds import (
     join_domain,
     user_data,
 )
-from omnidrive.deploy.ros2.graph import Graph, Participant, discovered
-from omnidrive.deploy.ros2.interface import LATEST, Distribution
-from omnidrive.deploy.ros2.message import Message, message_type
-from omnidrive.deploy.ros2.names import dds_topic, resolve, ros_topic, ros_type_name
-from omnidrive.deploy.ros2.qos import LATCHED_QOS, Qos
-from omnidrive.deploy.ros2.type_hash import distribution_of
-from omnidrive.errors import InvalidMessage
-from omnidrive.parameter import check_choice
+from omnidrive.ros2.graph import Graph, Participant, discovered
+from omnidrive.ros2.interface import LATEST, Distribution
+from omnidrive.ros2.message import Message, message_type
+from omnidrive.ros2.names import dds_topic, resolve, ros_topic, ros_type_name
+from omnidrive.ros2.qos import LATCHED_QOS, Qos
+from omnidrive.ros2.type_hash import distribution_of
 
 _log = logging.getLogger("omnidrive")
 _DISCOVERY_TOPIC = "ros_discovery_info"

@@ -7,11 +7,11 @@ import os
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from omnidrive.deploy.ros2.cdr import decode, encode
-from omnidrive.deploy.ros2.message import Message, message_type
-from omnidrive.deploy.ros2.names import dds_topic, resolve
-from omnidrive.deploy.ros2.node import Node
 from omnidrive.errors import InvalidMessage
+from omnidrive.ros2.cdr import decode, encode
+from omnidrive.ros2.message import Message, message_type
+from omnidrive.ros2.names import dds_topic, resolve
+from omnidrive.ros2.node import Node
 
 _log = logging.getLogger("omnidrive")
 _IDENTITY = 16

@@ -6,12 +6,12 @@ import sys
 import numpy as np
 import pytest
 
-from omnidrive.deploy.ros2 import Node, Qos, encode, message_type, type_hash
-from omnidrive.deploy.ros2.names import dds_topic, dds_type_name, resolve, ros_topic, ros_type_name
-from omnidrive.deploy.ros2.node import _ANNOUNCEMENTS
-from omnidrive.deploy.ros2.qos import LATCHED_QOS
 from omnidrive.errors import InvalidInput, InvalidMessage
-from tests.deploy.ros2.peer_process import new_domain, running_peer
+from omnidrive.ros2 import Node, Qos, encode, message_type, type_hash
+from omnidrive.ros2.names import dds_topic, dds_type_name, resolve, ros_topic, ros_type_name
+from omnidrive.ros2.node import _ANNOUNCEMENTS
+from omnidrive.ros2.qos import LATCHED_QOS
+from tests.ros2.peer_process import new_domain, running_peer
 
 TWIST, ODOMETRY = "geometry_msgs/msg/Twist", "nav_msgs/msg/Odometry"
 

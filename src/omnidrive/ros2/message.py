@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from omnidrive.deploy.ros2.interface import LATEST, Distribution, Field, Interface, interface
+from omnidrive.ros2.interface import LATEST, Distribution, Field, Interface, interface
 
 DTYPES = {"byte": "uint8"}
 """NumPy type of a primitive type whose name is another one."""

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from omnidrive.deploy.ros2 import interfaces, message_type
-from omnidrive.deploy.ros2.message import dtype_of
+from omnidrive.ros2 import interfaces, message_type
+from omnidrive.ros2.message import dtype_of
 
 STORES = {
     "humble": Stores.ROS2_HUMBLE,

@@ -10,9 +10,9 @@ from cyclonedds.pub import DataWriter, Publisher
 from cyclonedds.sub import DataReader, Subscriber
 from cyclonedds.topic import Topic
 
-from omnidrive.deploy.ros2 import LATCHED_QOS, SENSOR_QOS, Node, Qos
-from omnidrive.deploy.ros2.dds import dds_type
-from tests.deploy.ros2.peer_process import new_domain
+from omnidrive.ros2 import LATCHED_QOS, SENSOR_QOS, Node, Qos
+from omnidrive.ros2.dds import dds_type
+from tests.ros2.peer_process import new_domain
 
 MS = 10**6
 KEPT = Policy.Reliability.Reliable(10**9)

@@ -15,10 +15,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from omnidrive.deploy.ros2.interface import LATEST, PRIMITIVES, Distribution, Field, interface
-from omnidrive.deploy.ros2.message import Message, dtype_of, message_type
-from omnidrive.deploy.ros2.type_hash import NO_FIELDS
 from omnidrive.errors import InvalidMessage, one_line, short_repr
+from omnidrive.ros2.interface import LATEST, PRIMITIVES, Distribution, Field, interface
+from omnidrive.ros2.message import Message, dtype_of, message_type
+from omnidrive.ros2.type_hash import NO_FIELDS
 
 MAX_BYTES = 1 << 28
 """Longest message that is decoded, in bytes: 256 MiB, a map of 16 000 times 16 000 cells."""

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from omnidrive.deploy.ros2.message import Message
 from omnidrive.errors import InvalidMap
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
+from omnidrive.ros2.message import Message
 
 _MAX_CELLS = 50_000_000
 """Largest number of cells of a map that is accepted, as of map files."""

@@ -11,11 +11,11 @@ from socket import AF_INET, getaddrinfo
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-from omnidrive.deploy.ros2.interface import LATEST, PRIMITIVES, Distribution, Field, interface
-from omnidrive.deploy.ros2.names import dds_type_name
-from omnidrive.deploy.ros2.qos import Qos
-from omnidrive.deploy.ros2.type_hash import NO_FIELDS, type_hash
 from omnidrive.errors import InvalidInput, MissingExtra, one_line, short_repr
+from omnidrive.ros2.interface import LATEST, PRIMITIVES, Distribution, Field, interface
+from omnidrive.ros2.names import dds_type_name
+from omnidrive.ros2.qos import Qos
+from omnidrive.ros2.type_hash import NO_FIELDS, type_hash
 
 MAX_DOMAIN = 232
 """Greatest number of a domain whose ports exist."""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.deploy.ros2.peer_process import new_domain
+from tests.ros2.peer_process import new_domain
 
 sys.path.append(str(Path(__file__).parents[3] / "benchmarks"))
 import deploy_ros2

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 
-from omnidrive.deploy.ros2.interface import Distribution
-from omnidrive.deploy.ros2.message import Message, message_type
-from omnidrive.deploy.ros2.node import Node, Subscription
+from omnidrive.ros2.interface import Distribution
+from omnidrive.ros2.message import Message, message_type
+from omnidrive.ros2.node import Node, Subscription
 
 _STAMP = "builtin_interfaces/msg/Time"
 

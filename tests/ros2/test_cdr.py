@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from omnidrive.deploy.ros2 import decode, encode, interfaces, message_type
 from omnidrive.errors import InvalidInput, InvalidMessage
-from tests.deploy.ros2.peer_types import STORES, from_peer, messages, to_peer, typestore
+from omnidrive.ros2 import decode, encode, interfaces, message_type
+from tests.ros2.peer_types import STORES, from_peer, messages, to_peer, typestore
 
 NAMES = sorted(interfaces())
 VARIANTS = [

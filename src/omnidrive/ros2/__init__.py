@@ -1,0 +1,5 @@
+"""ROS 2 without a ROS installation: messages as bytes, nodes, the graph, and times."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
