@@ -61,8 +61,14 @@ def test_study_is_computed_continued_and_shown(file, tmp_path, capsys):
     assert "runs: 4 finished" in capsys.readouterr().out
 
 
-def test_status_is_that_of_the_present_study_file(file, tmp_path, capsys):
+def test_status_is_that_of_the_present_study_file(file, tmp_path, capsys, monkeypatch):
     """The outline in the store is used as long as the file has the same bytes."""
+    from omnidrive.study import study_folder
+
+    parsed, load = [], study_folder.load_study
+    monkeypatch.setattr(
+        study_folder, "load_study", lambda *args, **keys: parsed.append(1) or load(*args, **keys)
+    )
     folder = tmp_path / "out"
     study(file, "--out", folder, "--jobs", 1)
     capsys.readouterr()
@@ -76,6 +82,7 @@ def test_status_is_that_of_the_present_study_file(file, tmp_path, capsys):
         definition.write_text(changed, encoding="utf-8")
         study("status", folder)
         assert capsys.readouterr().out.splitlines()[0] == fact
+        assert bool(parsed) == (changed != text)
 
 
 def test_plan_is_shown_and_nothing_computed(file, tmp_path, capsys):

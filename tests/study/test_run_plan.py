@@ -1,6 +1,8 @@
 """Plans of studies: numbers, keys, pairs, samples and seeds."""
 
+import sys
 import tracemalloc
+import types
 from dataclasses import replace
 from time import process_time
 
@@ -137,6 +139,55 @@ def test_key_depends_on_the_content_of_a_fuzzy_system(tmp_path):
         assert each[0]
         assert each[0] == each[1]
         assert not each[0] & each[2]
+
+
+def test_names_of_files_do_not_count(tmp_path, monkeypatch):
+    """A study may be continued from any working folder, and copied with its files."""
+    from omnidrive.maps import OccupancyGrid, save_nav2_map
+
+    def keys_in(folder):
+        occupied = np.zeros((20, 20), dtype=bool)
+        occupied[0, 0] = True
+        save_nav2_map(OccupancyGrid(occupied, 0.5), folder / "m.yaml")
+        (folder / "p.csv").write_text("x,y\n1,1\n5,5\n8,6\n", encoding="utf-8")
+        found = []
+        for name in (folder / "p.csv", "p.csv", "../" + folder.name + "/p.csv"):
+            reference = {"type": "waypoints", "file": str(name)}
+            found.append(plan_of(set={"reference": reference}).keys(0, 1)[0])
+        for source in (folder / "m.yaml", "m.yaml"):
+            grid = {"source": str(source)}
+            found.append(plan_of(set={"map": grid, "goal": [8, 6]}).keys(0, 1)[0])
+        return found
+
+    keys = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        keys.append(keys_in(tmp_path / name))
+    assert keys[0] == keys[1]
+    assert len(set(keys[0][:3])) == len(set(keys[0][3:])) == 1
+
+
+def test_an_object_of_a_session_has_a_key_of_its_own():
+    """A class that is defined again in a notebook is another one."""
+    keys = []
+    for _ in range(2):
+
+        class Law:
+            def reset(self, *_):
+                pass
+
+            def step(self, t, state, reference):
+                pass
+
+        Law.__module__ = "no_file"
+        sys.modules["no_file"] = types.ModuleType("no_file")
+        sys.modules["no_file"].Law = Law
+        Law.__qualname__ = "Law"
+        keys += [plan_of(set={"controllers": {"own": {"type": "no_file:Law"}}}, allow_code=True)
+                 .keys(0, 1) for _ in range(2)]  # fmt: skip
+    del sys.modules["no_file"]
+    assert keys[0] == keys[1] != keys[2] == keys[3]
 
 
 def test_changed_files_of_the_same_name_change_keys(tmp_path):

@@ -22,6 +22,9 @@ from omnidrive.files.bounded_file import read_bounded
 
 _MAX_CODE = 10_000_000  # bytes of a Python file
 
+NO_FILE = "unknown"
+"""In place of the hash of code that is in no file, such as that of a session."""
+
 _allowed: set[str] = set()  # code that the user named or allowed in this process
 
 
@@ -170,6 +173,6 @@ def _attribute(kind: str, name: str, module: ModuleType, attribute: str) -> Call
 
 
 def _digest(module: ModuleType) -> str:
-    """Return the hash of the file of a module; `unknown` without a file."""
+    """Return the hash of the file of a module."""
     file = getattr(module, "__file__", None)
-    return sha256(Path(file).read_bytes()).hexdigest() if file else "unknown"
+    return sha256(Path(file).read_bytes()).hexdigest() if file else NO_FILE

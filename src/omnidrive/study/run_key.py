@@ -9,11 +9,14 @@ from importlib.metadata import version
 from json import dumps, loads
 from pathlib import Path
 from typing import Any, NamedTuple
+from uuid import uuid4
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from omnidrive.choices import WAYPOINTS
 from omnidrive.components import find_component
+from omnidrive.components.code import NO_FILE
 from omnidrive.components.entry_points import Group
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidFuzzyFile, InvalidReference, OmnidriveError
@@ -101,14 +104,17 @@ def _section_text(head: str, data: str) -> str:
         return _robot_text(value)
     if head == "map":
         return _map_text(value)
-    text = _canonical(value)
+    if head == "reference" and isinstance(value, dict) and value["type"] == WAYPOINTS:
+        value["file"] = _content(value["file"], "waypoint", InvalidReference)
+    if head == "controllers":
+        if (name := system_file(value)) is not None:
+            value["fuzzy"]["file"] = _content(name, "fuzzy system", InvalidFuzzyFile)
+        elif isinstance(fuzzy := value.get("fuzzy"), dict) and isinstance(fuzzy.get("file"), dict):
+            fuzzy["file"]["name"] = Path(str(fuzzy["file"].get("name"))).suffix.lower()
     component = value and value["estimator"] if head == "sensors" else value
+    text = _canonical(value)
     if head in CODE_SECTIONS and isinstance(component, dict):
         text += _origin(CODE_SECTIONS[head], component["type"])
-    if head == "reference" and isinstance(value, dict) and value["type"] == WAYPOINTS:
-        text += _file_digest(value["file"], "waypoint", InvalidReference)
-    if head == "controllers" and (name := system_file(value)) is not None:
-        text += _file_digest(name, "fuzzy system", InvalidFuzzyFile)
     return text
 
 
@@ -136,21 +142,32 @@ def _map_text(section: dict[str, Any]) -> str:
     cells = sha256(np.packbits(grid.occupied).tobytes()).hexdigest()
     shape = list(grid.occupied.shape)
     place = [cells, shape, grid.resolution, list(grid.origin), grid.walled, grid.yaw]
+    rest = {key: each for key, each in section.items() if key not in options}
     # the paper's map is planned on and measured with two different grids
-    return _canonical([place, source if source == "paper" else "", section])
+    return _canonical([place, source if source == "paper" else "", rest])
 
 
-def _file_digest(file: str, kind: str, error: type[OmnidriveError]) -> str:
+def _content(file: str, kind: str, error: type[OmnidriveError]) -> list[str]:
+    """Return the digest of a file, and its suffix, which selects the format; not its name."""
     content = read_bounded(Path(file), _MAX_BYTES, kind, error, excess="is too large")
-    return sha256(content).hexdigest()
+    return [sha256(content).hexdigest(), Path(file).suffix.lower()]
 
 
 def _origin(group: Group, name: str) -> str:
-    """Return distribution and version of a component, or the hash of its code, as a text."""
+    """Return distribution and version of a component, or the hash of its code, as a text.
+
+    An object of a session has no code in a file: another object of the same name is another one.
+    """
     try:
-        return f" {find_component(group, name, allow_code=False).origin}"
-    except OmnidriveError:  # a Python object of a session, or code that was not imported
+        component = find_component(group, name, allow_code=False)
+    except OmnidriveError:  # code that was not imported
         return f" {name}"
+    if component.origin.endswith(NO_FILE):
+        return f" {_session_keys.setdefault(component.factory, uuid4().hex)}"
+    return f" {component.origin}"
+
+
+_session_keys: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
 
 
 def plan_digest(keys: Iterable[str]) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from omnidrive.components.code import CodePermission
 from omnidrive.errors import InvalidStore, one_line
+from omnidrive.files.bounded_file import read_bounded
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.study.output_paths import STORE_FILE
@@ -29,6 +30,7 @@ SCENARIO_FILE = "scenario.yaml"
 DESCRIPTIONS = ("name", "question", "repetitions", "series")
 """Keys of a definition that change none of its runs."""
 
+_MAX_BYTES = 10_000_000  # of the file that defines a study
 _FILE_FACT = "file"  # fact about the study: hash of the file that defines it
 _OUTLINE_FACT = "outline"  # fact about the study: JSON of its outline, with the hash of that text
 
@@ -104,7 +106,7 @@ def study_outline(folder: StrPath) -> tuple[StudyOutline, str]:
     if file.is_file() and (path / STORE_FILE).is_file():
         with Store(path, read_only=True) as store:
             stored = json.loads(store.fact(_OUTLINE_FACT) or "[]")
-            if stored and stored.pop() == sha256(file.read_bytes()).hexdigest():
+            if stored and stored.pop() == _bytes_hash(file):
                 return StudyOutline(*stored), store.fact("until") or ""
     from omnidrive.study.run_plan import RunPlan  # noqa: PLC0415
 
@@ -132,7 +134,7 @@ def note_file(store: Store, file: Path, plan: RunPlan) -> None:
         CannotWrite: The facts cannot be stored.
     """
     store.note(_FILE_FACT, _file_hash(file))
-    content = sha256(file.read_bytes()).hexdigest()
+    content = _bytes_hash(file)
     store.note(_OUTLINE_FACT, json.dumps([*_outline(plan), content]))
 
 
@@ -149,6 +151,12 @@ def check_unchanged(store: Store, file: Path) -> None:
             f"{one_line(str(file))} was changed after its runs were computed; restore it, or "
             f"compute the changed study in another folder: {one_line(again)}"
         )
+
+
+def _bytes_hash(file: Path) -> str:
+    """Return the SHA-256 of a file."""
+    content = read_bounded(file, _MAX_BYTES, "study", InvalidStore, excess="is too large")
+    return sha256(content).hexdigest()
 
 
 def _file_hash(file: Path) -> str:
