@@ -200,6 +200,35 @@ def test_scenario_names_the_file_relative_to_itself_and_keeps_its_content(files)
     assert shown.fuzzy is None
 
 
+def test_report_states_the_name_of_a_file_with_any_text_and_short_values_of_others(files):
+    one_line_file = {"name": "a.fis", "content": (files / "t1.fis").read_text()}
+    one_line_file["content"] = one_line_file["content"].replace("\n", "\r")
+    data = scenario_data(paper_scenario())
+    table = [[3] * 7] * 7
+    data["controllers"] = {
+        "filed": {"type": "fuzzy_t1", "fuzzy": {"file": one_line_file}},
+        "ruled": {"type": "fuzzy_t1", "fuzzy": {"rules": {"kp": table, "ki": table}}},
+    }
+    shown = controller_types(parse_scenario(data, "data"))
+    assert shown["filed"].parameters == "fuzzy.file.name = a.fis"
+    assert shown["ruled"].parameters == f"fuzzy.rules.kp = {table}, fuzzy.rules.ki = {table}"
+
+
+def test_report_shortens_a_long_text_of_a_parameter(tmp_path):
+    (tmp_path / "law.py").write_text(
+        "from dataclasses import dataclass\n"
+        "@dataclass(frozen=True)\n"
+        "class Options:\n"
+        "    note: str = ''\n"
+        "def law(context, options: Options): pass\n",
+        encoding="utf-8",
+    )
+    for text, stated in (("a\nb", r"note = a\nb"), ("x" * 900, f"note = {'x' * 297}...")):
+        law = configure("controllers", f"{tmp_path}/law.py:law", {"note": text})
+        scenario = paper_scenario().model_copy(update={"controllers": {"law": law}})
+        assert controller_types(scenario)["law"].parameters == stated
+
+
 def test_scenario_files_contain_given_values_only():
     data = scenario_data(paper_scenario())
     assert data["controllers"]["fuzzy_t1"] == {"type": "fuzzy_t1", "preset": None}
