@@ -102,6 +102,9 @@ def test_failed_import_shows_where(tmp_path):
     ("name", "message"),
     [
         ("{path}/nothing.py:Law", "cannot read the controller"),
+        ("a" * 300 + ".py:Law", "does not exist: the name of code is relative to the working"),
+        ("a\0.py:Law", "does not exist: the name of code is relative to the working"),
+        ("{path}/" + "a" * 300 + ".py:Law", "cannot read the controller .*: File name too long"),
         ("nothing.py", "needs the name of its class: FILE.py:NAME"),
         ("./a:Law", "is neither FILE.py:NAME nor MODULE:NAME"),
         ("{path}/law.py:Lwa", "does not exist; did you mean 'Law'"),

@@ -13,11 +13,13 @@ from omnidrive.components.specification import parse_specification
 from omnidrive.control.components import ControllerContext
 from omnidrive.control.pid import gain_inference
 from omnidrive.control.pid.fuzzy_options import FuzzyOptions, RuleOptions, SetOptions
+from omnidrive.control.pid.laws import MAX_GAIN_CHANGE
 from omnidrive.control.pid.options import ChannelOptions, FuzzyPidOptions, PidOptions
 from omnidrive.control.pid.rules import paper_rules
-from omnidrive.errors import InvalidInput, InvalidScenario
+from omnidrive.control.pid.system_file import SystemFile
+from omnidrive.errors import InvalidFuzzyFile, InvalidInput, InvalidScenario
 from omnidrive.estimation import State
-from omnidrive.fuzzy import LinearFunction, OutputVariable, save
+from omnidrive.fuzzy import LinearFunction, Membership, OutputVariable, save
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
 from omnidrive.scenario import load_scenario, paper_scenario, save_scenario
@@ -127,16 +129,23 @@ def test_compiled_law_has_the_system_in_the_file(files):
 PAPER = gain_inference("t1", "paper").system
 WIDE = tuple(replace(each, low=-3.0, high=3.0) for each in PAPER.inputs)
 STRONG = tuple(replace(each, high=0.2) for each in PAPER.outputs)
-FUNCTIONS = tuple(
-    OutputVariable(
-        v.name,
-        -0.1,
-        0.1,
-        tuple(LinearFunction(s.name, 0.0, (0.2, 0.0)) for s in v.sets),
-        defuzzifier="wtaver",
+
+
+def of_functions(constant, coefficients, low=-0.1, high=0.1, defuzzifier="wtaver"):
+    return tuple(
+        OutputVariable(
+            v.name,
+            low,
+            high,
+            tuple(LinearFunction(s.name, constant, coefficients) for s in v.sets),
+            defuzzifier=defuzzifier,
+        )
+        for v in PAPER.outputs
     )
-    for v in PAPER.outputs
-)
+
+
+FUNCTIONS = of_functions(0.0, (0.2, 0.0))
+SUM = of_functions(0.1, (), defuzzifier="wtsum")
 ONE = tuple(replace(r, consequents=r.consequents[:1]) for r in PAPER.rules)
 
 
@@ -146,6 +155,14 @@ ONE = tuple(replace(r, consequents=r.consequents[:1]) for r in PAPER.rules)
         (replace(PAPER, inputs=WIDE), "the input 'error' has the range [-3, 3], need [-1, 1]"),
         (replace(PAPER, outputs=STRONG), "the output 'kp' has values from -0.1 to 0.2, need"),
         (replace(PAPER, outputs=FUNCTIONS), "the output 'kp' has values from -0.2 to 0.2, need"),
+        (
+            replace(PAPER, outputs=SUM),
+            "the output 'kp' is a weighted sum (wtsum), which has no bound if several",
+        ),
+        (
+            replace(PAPER, outputs=of_functions(0.1, (), low=0.0, high=1.0)),
+            "the output 'kp' is 0.5, the middle of its range [0, 1], where no rule fires; need",
+        ),
         (replace(PAPER, outputs=PAPER.outputs[::-1]), "outputs are kd, ki, kp, need the order kp"),
         (gain_inference("t2", "paper").system, "the system in the file is of type 2; use fuzzy_t2"),
         (
@@ -160,6 +177,38 @@ def test_unsuitable_system_in_a_file_is_refused(system, says, files):
     data["controllers"] = {"mine": {"type": "fuzzy_t1", "fuzzy": {"file": "bad.fis"}}}
     with pytest.raises(InvalidScenario, match=re.escape(says)):
         parse_scenario(data, "data")
+
+
+def test_default_beyond_the_greatest_change_is_refused(files):
+    save(PAPER, "t1.fll")
+    text = (files / "t1.fll").read_text()
+    beyond, within = (re.sub("default: .*", f"default: {each}", text) for each in (5.0, -0.1))
+    assert SystemFile("a.fll", within).system.outputs[0].fallback == -0.1
+    with pytest.raises(InvalidFuzzyFile, match="'kp' is 5, its default, where no rule fires; need"):
+        SystemFile("a.fll", beyond)
+
+
+@pytest.mark.parametrize("preset", ["paper", "published-code"])
+@pytest.mark.parametrize("kind", ["t1", "t2", "t3"])
+def test_no_system_in_a_file_exceeds_the_greatest_change(kind, preset, files):
+    """Gaussian sets fire rules at any input, also beyond the range of the inputs."""
+    wide = tuple(
+        replace(v, sets=tuple(replace(s, upper=Membership("gaussmf", (2.0, 0.0))) for s in v.sets))
+        for v in PAPER.inputs
+    )
+    linear = of_functions(0.02, (0.05, -0.03))
+    uneven = tuple(replace(each, low=-0.02, high=0.1) for each in PAPER.outputs)
+
+    def infer(**changes):
+        save(replace(PAPER, **changes), "a.fis")
+        return gain_inference(kind, preset, FuzzyOptions(file="a.fis"))
+
+    for outputs in (linear, of_functions(0.1, ()), uneven):
+        found = np.abs(infer(inputs=wide, outputs=outputs).batch(5.0 * GRID))
+        assert found.max() <= MAX_GAIN_CHANGE + 1e-12
+        assert found.max() > 0.01
+    assert infer(outputs=uneven)(5.0, 0.0).tolist() == pytest.approx([0.04] * 3)  # no rule fires
+    assert gain_inference(kind, preset)(5.0, 0.0).tolist() == [0.0] * 3
 
 
 @pytest.mark.parametrize(
@@ -198,6 +247,35 @@ def test_scenario_names_the_file_relative_to_itself_and_keeps_its_content(files)
     shown = controller_types(scenario)["mine"]
     assert shown.parameters == "fuzzy.file.name = gains.fis"
     assert shown.fuzzy is None
+
+
+def test_report_states_the_name_of_a_file_with_any_text_and_short_values_of_others(files):
+    one_line_file = {"name": "a.fis", "content": (files / "t1.fis").read_text()}
+    one_line_file["content"] = one_line_file["content"].replace("\n", "\r")
+    data = scenario_data(paper_scenario())
+    table = [[3] * 7] * 7
+    data["controllers"] = {
+        "filed": {"type": "fuzzy_t1", "fuzzy": {"file": one_line_file}},
+        "ruled": {"type": "fuzzy_t1", "fuzzy": {"rules": {"kp": table, "ki": table}}},
+    }
+    shown = controller_types(parse_scenario(data, "data"))
+    assert shown["filed"].parameters == "fuzzy.file.name = a.fis"
+    assert shown["ruled"].parameters == f"fuzzy.rules.kp = {table}, fuzzy.rules.ki = {table}"
+
+
+def test_report_shortens_a_long_text_of_a_parameter(tmp_path):
+    (tmp_path / "law.py").write_text(
+        "from dataclasses import dataclass\n"
+        "@dataclass(frozen=True)\n"
+        "class Options:\n"
+        "    note: str = ''\n"
+        "def law(context, options: Options): pass\n",
+        encoding="utf-8",
+    )
+    for text, stated in (("a\nb", r"note = a\nb"), ("x" * 900, f"note = {'x' * 297}...")):
+        law = configure("controllers", f"{tmp_path}/law.py:law", {"note": text})
+        scenario = paper_scenario().model_copy(update={"controllers": {"law": law}})
+        assert controller_types(scenario)["law"].parameters == stated
 
 
 def test_scenario_files_contain_given_values_only():

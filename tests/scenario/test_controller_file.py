@@ -6,9 +6,11 @@ import pytest
 
 from omnidrive.cli.components import with_controllers
 from omnidrive.components import configure
+from omnidrive.control.pid import gain_inference
 from omnidrive.errors import InvalidInput, InvalidScenario
+from omnidrive.fuzzy import save
 from omnidrive.scenario import load_scenario, paper_scenario
-from omnidrive.scenario.controller_file import load_controller, save_controller
+from omnidrive.scenario.controller_file import FORMAT, load_controller, save_controller
 from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
 from omnidrive.study import load_definition, save_definition
 
@@ -51,6 +53,41 @@ def test_scenario_file_names_it_relative_to_itself(folder, monkeypatch):
     save_definition(definition, folder.parent / "copy.yaml")  # values, not the file
     (folder / "tuned.yaml").unlink()
     assert load_definition(folder.parent / "copy.yaml").scenario.controllers == {"best": TUNED}
+
+
+@pytest.mark.parametrize("kind", ["fuzzy_t1", "mine.py:Mine"])
+def test_file_names_its_fuzzy_system_relative_to_itself(folder, monkeypatch, kind):
+    """Also that of a controller of one's own, whose code is not imported for it."""
+    import yaml
+
+    save(gain_inference("t1", "paper").system, folder / "gains.fis")
+    (folder.parent / "mine.py").write_text(
+        "from omnidrive.control.pid.options import FuzzyPidOptions\n"
+        "class Mine:\n"
+        "    def __init__(self, context, options: FuzzyPidOptions): pass\n"
+        "    def reset(self, state): pass\n"
+        "    def step(self, t, state, reference): pass\n",
+        encoding="utf-8",
+    )
+    monkeypatch.chdir(folder.parent)
+    own = {"type": kind, "fuzzy": {"file": "gains.fis"}}
+    (folder / "mine.yaml").write_text(yaml.safe_dump({"format": FORMAT, **own}))
+    data = scenario_data(paper_scenario())
+    (folder.parent / "s.yaml").write_text(
+        yaml.safe_dump(data | {"controllers": {"a": "in/mine.yaml"}})
+    )
+    (folder / "s.yaml").write_text(
+        yaml.safe_dump(data | {"controllers": {"a": "mine.yaml", "b": own}})
+    )
+    scenarios = [
+        load_scenario("s.yaml", allow_code=True),
+        load_scenario("in/s.yaml", allow_code=True),
+        with_controllers(paper_scenario(), ["a=in/mine.yaml"], allow_code=True),
+    ]
+    found = [each for scenario in scenarios for each in scenario.controllers.values()]
+    assert len(found) == 4
+    for each in found:
+        assert each.values["fuzzy"]["file"]["name"] == "gains.fis"
 
 
 def test_option_names_it(folder):

@@ -6,6 +6,7 @@ names the code, on the command line or in Python, or allows what a file names.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterable
 from enum import Enum
@@ -114,7 +115,7 @@ def _key(name: str) -> str:
 
 def _load_file(kind: str, name: str, path: Path) -> tuple[ModuleType, str]:
     """Import a Python file; a file with the same content is imported only once."""
-    if "\0" not in str(path) and not path.is_absolute() and not path.exists():
+    if not path.is_absolute() and not os.path.exists(path):
         raise InvalidInput(
             f"the {kind} '{one_line(name)}' does not exist: the name of code is relative to the "
             f"working folder, {one_line(str(Path.cwd()))}"

@@ -14,11 +14,10 @@ from omnidrive.errors import InvalidInput, InvalidScenario, one_line, short_repr
 from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
+from omnidrive.fuzzy.files.format import FORMATS
 
 FORMAT = "omnidrive-controller-1"
 """Name and version of the file format."""
-
-_FUZZY_PIDS = ("fuzzy_t1", "fuzzy_t2", "fuzzy_t3")
 
 
 def is_controller_file(value: Any) -> bool:
@@ -27,16 +26,20 @@ def is_controller_file(value: Any) -> bool:
 
 
 def system_file(value: Any) -> str | None:
-    """Return the name of the file of the fuzzy system of a controller of this package; or None."""
-    if not isinstance(value, dict) or value.get("type") not in _FUZZY_PIDS:
-        return None
-    fuzzy = value.get("fuzzy")
+    """Return the name of the file of the fuzzy system of a controller, ``fuzzy.file``; or None.
+
+    The suffix of a fuzzy system decides, not the type of the controller: a controller of one's own
+    may have the same parameters, and its code is not imported for the names of its files.
+    """
+    fuzzy = value.get("fuzzy") if isinstance(value, dict) else None
     name = fuzzy.get("file") if isinstance(fuzzy, dict) else None
-    return name if isinstance(name, str) and name else None
+    return name if isinstance(name, str) and Path(name).suffix.lower() in FORMATS else None
 
 
 def load_controller(path: StrPath) -> dict[str, Any]:
     """Read the file of a controller: its ``type`` and parameters, which the scenario checks.
+
+    The path of its fuzzy system becomes relative to the working folder.
 
     Raises:
         InvalidScenario: The file is missing or malformed, or of another format.
@@ -50,7 +53,8 @@ def load_controller(path: StrPath) -> dict[str, Any]:
     values = {key: value for key, value in data.items() if key != "format"}
     if not isinstance(values.get("type"), str):
         raise InvalidScenario(f"{name} needs 'type', the name of a controller")
-    return values
+    moved: dict[str, Any] = _system_moved(values, lambda each: str(path.parent / each))
+    return moved
 
 
 def permitted_controller(path: StrPath, permission: CodePermission) -> dict[str, Any]:
@@ -92,15 +96,18 @@ def files_moved(controllers: Any, move: Callable[[str], str]) -> Any:
 
     def moved(value: Any) -> Any:
         """Return the value with the moved names of a controller file and a fuzzy system."""
-        if is_controller_file(value):
-            return move(value)
-        if (name := system_file(value)) is None:
-            return value
-        return {**value, "fuzzy": {**value["fuzzy"], "file": move(name)}}
+        return move(value) if is_controller_file(value) else _system_moved(value, move)
 
     if isinstance(controllers, dict):
         return {label: moved(each) for label, each in controllers.items()}
     return list(map(moved, controllers)) if isinstance(controllers, list) else controllers
+
+
+def _system_moved(value: Any, move: Callable[[str], str]) -> Any:
+    """Return a controller with another name of the file of its fuzzy system."""
+    if (name := system_file(value)) is None:
+        return value
+    return {**value, "fuzzy": {**value["fuzzy"], "file": move(name)}}
 
 
 def label_of_file(name: str) -> str:

@@ -124,9 +124,12 @@ def _component_text(configured: Configured) -> str:
 
 
 def _changes_text(configured: Configured) -> str:
-    """Return the changed parameters, without the texts of files."""
-    changes = ((name, str(value)) for name, value in configured.changes.items())
-    return ", ".join(f"{name} = {text}" for name, text in changes if "\n" not in text)
+    """Return the changed parameters, without the text of a fuzzy file, whose name is there."""
+    return ", ".join(
+        f"{name} = {one_line(str(value), _MAX_TEXT)}"
+        for name, value in configured.changes.items()
+        if name != "fuzzy.file.content"
+    )
 
 
 def controller_types(scenario: Scenario) -> dict[str, ControllerType]:

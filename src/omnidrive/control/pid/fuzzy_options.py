@@ -190,8 +190,8 @@ class FuzzyOptions(PresetDefaults):
     file: str | SystemFile | None = None
     """File of a system that replaces the paper's: .fis, .fll, .fcl or .fml, with 2 inputs within
     [-1, 1], the scaled error and its change, and 3 outputs within [-0.1, 0.1], the changes of kp,
-    ki and kd. In a scenario file, its path is relative to that file; scenarios that omnidrive
-    writes hold its `name` and `content`."""
+    ki and kd. In a scenario, study or controller file, its path is relative to that file; those
+    that omnidrive writes hold its `name` and `content`."""
 
     def __post_init__(self) -> None:
         if self.file is None:

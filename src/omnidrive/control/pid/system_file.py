@@ -23,7 +23,8 @@ class SystemFile:
 
     Raises:
         InvalidFuzzyFile: The content is no fuzzy system, or not one from an error and its change,
-            each within [-1, 1], to the changes of kp, ki and kd, each within [-0.1, 0.1].
+            each within [-1, 1], to the changes of kp, ki and kd, each within [-0.1, 0.1] also
+            where no rule fires.
     """
 
     name: str
@@ -82,19 +83,43 @@ def _unsuitable(system: FuzzySystem) -> str | None:
                 f"the input {each.name!r} has the range [{each.low:g}, {each.high:g}], need "
                 "[-1, 1], to which the controller scales the error and its change"
             )
-    for output in outputs:
-        low, high = _reach(output)
-        if max(-low, high) > MAX_GAIN_CHANGE + _ROUNDING:
-            return (
-                f"the output {output.name!r} has values from {low:g} to {high:g}, need values "
-                f"within [-{MAX_GAIN_CHANGE:g}, {MAX_GAIN_CHANGE:g}], which the controller scales "
-                "to the change of the gain"
-            )
+    facts = map(_excess, outputs)
+    return next((each for each in facts if each is not None), None)
+
+
+def _excess(output: OutputVariable) -> str | None:
+    """Return why the values of an output may exceed the greatest change of a gain; None: not."""
+    if output.defuzzifier == "wtsum":
+        return (
+            f"the output {output.name!r} is a weighted sum (wtsum), which has no bound if several "
+            "rules fire; use the weighted average (wtaver)"
+        )
+    low, high = _reach(output)
+    need = (
+        f"need values within [-{MAX_GAIN_CHANGE:g}, {MAX_GAIN_CHANGE:g}], which the controller "
+        "scales to the change of the gain"
+    )
+    if max(-low, high) > MAX_GAIN_CHANGE + _ROUNDING:
+        return f"the output {output.name!r} has values from {low:g} to {high:g}, {need}"
+    if abs(output.fallback) > MAX_GAIN_CHANGE + _ROUNDING:
+        origin = (
+            f"the middle of its range [{output.low:g}, {output.high:g}]"
+            if output.default is None
+            else "its default"
+        )
+        return (
+            f"the output {output.name!r} is {output.fallback:g}, {origin}, where no rule fires; "
+            f"{need}"
+        )
     return None
 
 
 def _reach(output: OutputVariable) -> tuple[float, float]:
-    """Return the least and the greatest value of an output for inputs within [-1, 1]."""
+    """Return the least and the greatest value of the rules' outputs for inputs within [-1, 1].
+
+    That of sets lies in the range of the output. A weighted average of functions lies between
+    their least and their greatest value.
+    """
     functions = [each for each in output.sets if isinstance(each, LinearFunction)]
     if not functions:
         return output.low, output.high

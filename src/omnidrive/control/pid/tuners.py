@@ -11,6 +11,7 @@ from typing import Literal, get_args
 from jaxtyping import Int
 
 from omnidrive.arrays import Array
+from omnidrive.choices import OutOfRange
 from omnidrive.control.pid.fuzzy_options import FuzzyOptions
 from omnidrive.control.pid.laws import GainChange
 from omnidrive.control.pid.rules import paper_rules, published_rules
@@ -51,6 +52,11 @@ def gain_inference(kind: Kind, preset: Preset, options: FuzzyOptions = _PUBLISHE
     has the same options, but samples of the centroid where it has no closed form; one of type 1
     has the footprints of the preset for types 2 and 3.
 
+    Inputs outside [-1, 1] are not changed, as in Matlab: no rule of the paper's sets fires there,
+    so that the outputs are zero. A system in a file has its defaults where no rule fires: without
+    any, the middles of its ranges. Inputs of a Sugeno system are clamped to [-1, 1], because
+    its linear functions would exceed the greatest change of a gain beyond.
+
     Args:
         kind: ``t1``, ``t2`` or ``t3``.
         preset: The preset.
@@ -67,11 +73,12 @@ def gain_inference(kind: Kind, preset: Preset, options: FuzzyOptions = _PUBLISHE
         system = system.with_footprint(*options.footprints(inputs, outputs))
     if kind == "t3":
         system = system.with_secondary(Secondary())
+    beyond: OutOfRange = "clamp" if system.is_sugeno else "matlab"
     if preset == "published-code":
-        return Inference(system, centroid="matlab", out_of_range="matlab", slices=SLICES)
+        return Inference(system, centroid="matlab", out_of_range=beyond, slices=SLICES)
     if kind == "t1":
-        return Inference(system, out_of_range="matlab")
-    return Inference(system, reduction="cos", out_of_range="matlab", slices=SLICES)
+        return Inference(system, out_of_range=beyond)
+    return Inference(system, reduction="cos", out_of_range=beyond, slices=SLICES)
 
 
 def resolved_options(options: FuzzyOptions, preset: Preset) -> FuzzyOptions:
@@ -101,8 +108,8 @@ class FuzzyTuner:
 def fuzzy_tuner(kind: Kind, preset: Preset, options: FuzzyOptions = _PUBLISHED) -> FuzzyTuner:
     """Return the tuner of a preset: from scaled error and change to the changes of kp, ki and kd.
 
-    Inputs outside [-1, 1] fire no rule, as in Matlab: the changes are then zero. Inputs that are
-    not finite give nan. Arguments are those of :func:`gain_inference`.
+    Inputs outside [-1, 1] have the effect stated there; those that are not finite give nan.
+    Arguments are those of :func:`gain_inference`.
 
     Raises:
         InvalidInput: The kind or preset is unknown.
