@@ -178,15 +178,14 @@ def correct(  # noqa: PLR0917
 ) -> None:
     """Correct the prediction by a measured pose: a Kalman filter for every axis of B.
 
-    The disturbance of Pannocchia & Rawlings, "Disturbance models for offset-free model-predictive
-    control", AIChE J. 49, 2003, here of the input.
+    The disturbance is that of Pannocchia & Rawlings, AIChE J. 49, 2003, here of the input.
 
     Args:
         model: The model.
         memory: The prediction; corrected in place.
         pose: Measured pose in W.
-        variances: Of the measured displacements along the axes of B, in m^2, m^2 and rad^2;
-            negative: unknown, so that the variance is estimated from the innovations.
+        variances: Of the measured displacements along the axes of B, m^2, m^2 and rad^2;
+            negative: unknown, estimated from the innovations.
         dt: Sample time, in s.
         shares: Of wheels at the friction limit, as :func:`predict` returns them. While wheels slip,
             the disturbance is constant; if they go on to slip, it may decrease.
@@ -199,9 +198,8 @@ def correct(  # noqa: PLR0917
     moved, change = False, np.zeros(3)
     for a in range(3):
         total = memory.covariance[a, 0, 0] + pose_variance(model, memory, variances, a)
-        moved = moved or abs(innovation[a]) > _GATE * sqrt(total) + _max_unmodelled_displacement(
-            model, dt, a
-        )
+        gate = _GATE * sqrt(total) + _max_unmodelled_displacement(model, dt, a)
+        moved = moved or abs(innovation[a]) > gate
     is_repeated = moved and _is_repeated_displacement(model, memory, innovation, dt)
     if not moved:
         estimate_noise(model, memory, innovation)
