@@ -142,12 +142,21 @@ class _Data:
         turned = _cumulated(parts[:, 2:])
         yaw = self.fixes.yaw(self.robot.wheel.radius * turned[:, 0])
         moved = _cumulated(_turned(parts, 0.5 * (yaw[1:] + yaw[:-1])))
-        used = self.followed & ~self._may_slip()
+        known = self.followed & self.odometry.complete(self.segments)
+        if known.sum() < MIN_SEGMENTS <= self.followed.sum():
+            length = self.fixes.length
+            reason = (
+                "the log has poses and wheel speeds without a gap of more than "
+                f"{self.odometry.longest:.2g} s in {length * int(known.sum()):.3g} s, need "
+                f"{length * MIN_SEGMENTS:.3g} s"
+            )
+            return missing("wheel radius", "m", reason), missing("effective radius", "m", reason)
+        used = known & ~self._may_slip()
         if used.sum() < MIN_SEGMENTS:
-            used = self.followed
+            used = known
         r, r_sigma, bad = _ratio(self.fixes, self.fixes.positions, moved, used)
         q, q_sigma, bad_yaw = _ratio(self.fixes, self.fixes.yaws, turned, used)
-        self.slipping = bad | bad_yaw
+        self.slipping = known & (bad | bad_yaw)
         radius = self._checked(
             Estimate("wheel radius", "m", r, r_sigma), "the log holds too little motion"
         )
