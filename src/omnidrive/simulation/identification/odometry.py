@@ -43,7 +43,7 @@ class Odometry:
         It is not in a longer time between wheel speeds than :attr:`longest`, nor before the first
         and after the last ones.
         """
-        found = np.ones(int(segments[-1]) + 1, dtype=bool)
+        found: Bool[Array, " segments"] = np.ones(int(segments[-1]) + 1, dtype=bool)
         inside = segments[1:] == segments[:-1]
         found[segments[:-1][inside & ~self._known]] = False
         return found
@@ -70,7 +70,6 @@ class Odometry:
         parts = np.column_stack([c * x + s * y, c * y - s * x, 2.0 * half])
         parts[:, :2] /= np.sinc(half / np.pi)[:, None]
         path = np.vstack([np.zeros(3), np.cumsum(parts, axis=0)])[self._rows]
-        means: Float[Array, "measured wheels"] = (
-            np.diff(path, axis=0) / np.diff(self._t[self._rows])[:, None]
-        ) @ jacobian.T
-        return means[self._close]
+        moved, dt = np.diff(path, axis=0)[self._close], np.diff(self._t[self._rows])[self._close]
+        means: Float[Array, "measured wheels"] = (moved / dt[:, None]) @ jacobian.T
+        return means
