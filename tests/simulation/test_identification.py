@@ -1,5 +1,6 @@
 """Identification of a robot's parameters from logs."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -150,7 +151,7 @@ def test_mean_wheel_speeds_give_exact_times():
 
 
 @pytest.mark.parametrize("means", [False, True])
-@pytest.mark.parametrize(("begin", "end"), [(0.3, 0.7), (0.0, 0.3), (0.8, 1.0)])
+@pytest.mark.parametrize(("begin", "end"), [(0.3, 0.75), (0.0, 0.3), (0.8, 1.0)])
 def test_segments_without_wheel_speeds_are_left_out(means, begin, end):
     whole = drive(SMALL, duration=40.0, dt=0.02, delay=0)
     speeds = whole.wheel_speeds.copy()
@@ -161,6 +162,15 @@ def test_segments_without_wheel_speeds_are_left_out(means, begin, end):
     assert found.robot.effective_radius == pytest.approx(SMALL.effective_radius, rel=0.02)
     friction = found.estimates["friction"]
     assert friction.reason or friction.value == pytest.approx(SMALL.friction, rel=0.1)
+
+
+def test_too_little_motion_is_that_with_wheel_speeds():
+    log = drive(SMALL, duration=40.0, dt=0.02, delay=0)
+    speeds = log.wheel_speeds.copy()
+    speeds[400:1500] = np.nan
+    found = identify_robot(replace(log, wheel_speeds=speeds), SMALL).estimates
+    reason = found["wheel radius"].reason
+    assert re.fullmatch(r"the log holds too little motion in the 1\d s with wheel speeds", reason)
 
 
 def test_too_few_wheel_speeds_are_the_reason():
