@@ -217,6 +217,40 @@ def test_fixes_that_cannot_be_used_are_ignored():
     check_straight(identification_log(Drive(10.0, samples)))
 
 
+@pytest.mark.parametrize("lacking", [range(7), range(20, 21), range(50, 60)])
+def test_readings_without_wheel_angles_leave_those_of_the_others(lacking):
+    """As of ROS 2 before the first JointState."""
+    drive = sampled(10.0, 60, 0.1 * np.arange(60))
+    samples = [
+        sample._replace(read=sample.read._replace(wheel_angles=()))
+        if sample.number in lacking
+        else sample
+        for sample in drive.samples()
+    ]
+    log = identification_log(Drive(10.0, samples))
+    check_straight(log)
+    assert log.measured.sum() >= 59
+    assert (~np.isnan(log.wheel_speeds[:, 0])).sum() >= 59 - len(lacking)
+
+
+@pytest.mark.parametrize("offset", [0.2e-6, 0.5e-6, 0.8e-6])
+@pytest.mark.parametrize("apart", [0.3e-6, 0.6e-6, 0.9e-6])
+def test_stamps_within_a_microsecond_give_finite_wheel_speeds(apart, offset):
+    """Absolutely rounded they may differ, and relative to the first sample coincide."""
+    drive = sampled(10.0, 60, 0.1 * np.arange(60), origin=5.0 + 0.4e-6)
+    samples = list(drive.samples())
+    read = samples[29].read
+    stamp = round(read.stamp, 6) + offset
+    samples[29] = samples[29]._replace(read=read._replace(stamp=stamp))
+    samples[30] = samples[30]._replace(
+        read=read._replace(stamp=stamp + apart, fixes=samples[30].read.fixes)
+    )
+    log = identification_log(Drive(10.0, samples))
+    read = ~np.isnan(log.wheel_speeds[:, 0])
+    assert np.isfinite(log.wheel_speeds[read]).all()
+    assert (np.diff(log.t) > 0.0).all()
+
+
 def test_log_without_fixes_or_with_torques_is_refused(tmp_path):
     write_log(tmp_path / "a.mcap", 0.5, silent=(0.01, 9e9))
     with pytest.raises(InvalidLog, match=r"fewer than two pose fixes in succession: .*as a table"):

@@ -308,3 +308,14 @@ def test_axis_values_at_which_no_run_is_finished_are_stated():
     assert [row[1] for row in rows] == ["0.2", "1"]
     assert set(rows[0][3:-1]) == {"– (0 %)"}
     assert axis_curves(study, [answer], {}, "friction") is None  # one point is no curve
+
+
+def test_many_axis_values_without_a_finished_run_are_counted():
+    levels = [0.1, 0.2, 0.3, 0.4, 0.5, 1.0]
+    table = synthetic_table(EFFECTS, repetitions=3, axes={"friction": levels}, own=3e-4)
+    lost = pa.compute.less(table["factor:friction"], 0.9)
+    for name, value in (("outcome", "stopped"), ("finished", False)):
+        column = pa.compute.if_else(lost, pa.scalar(value), table[name])
+        table = table.set_column(table.column_names.index(name), name, column)
+    (answer,) = study_answers(StudyEvidence(RunTable(table)))
+    assert answer.lost == ("Along friction no run is finished at 5 values from 0.1 to 0.5.",)

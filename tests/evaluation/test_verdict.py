@@ -164,6 +164,35 @@ def test_runs_within_one_percent_are_equal(part):
     assert headline([verdict]) == [f"Best in track 20 s: {a}."]
 
 
+@pytest.mark.parametrize(
+    ("values", "tied"), [((5e-8, 2e-7), True), ((5e-7, 1e-6), False), ((1e-6, 2e-6), False)]
+)
+def test_results_that_are_equal_in_tables_are_equal_in_the_verdict(part, values, tied):
+    pair = tuple(with_me(r, me) for r, me in zip(part.tracks, values, strict=True))
+    results = replace(part, tracks=pair)
+    (verdict,) = verdicts(results)
+    table = next(t for t in study_tables(results, published=False) if "ME, mm" in t.columns)
+    column = table.columns.index("ME, mm")
+    assert (not any(i == column for _, i in table.best)) == verdict.advantage.is_tied == tied
+    a, b = (r.controller for r in pair)
+    if tied:
+        assert headline([verdict]) == [f"Track 20 s: {a} and {b} are both below 0.001 mm."]
+        assert verdict.confidence_text == "both below 0.001 mm"
+        assert verdict.value_text(verdict.best) == "ME < 0.001 mm"
+    else:
+        assert headline([verdict]) == [f"Best in track 20 s: {a}."]
+
+
+def test_negligible_errors_over_seeds_show_no_difference(repeated):
+    small = tuple(
+        with_me(r, (1e-7 if r.controller == "a" else 3e-7) + 1e-9 * r.repeat)
+        for r in repeated.tracks
+    )
+    (verdict,) = verdicts(replace(repeated, tracks=small))
+    assert verdict.advantage.is_tied
+    assert "no difference shown between a and b" in headline([verdict])[0]
+
+
 def test_run_without_error_has_no_factor(part, repeated):
     first, second = part.tracks
     (verdict,) = verdicts(replace(part, tracks=(with_me(first, 0.01), with_me(second, 0.0))))

@@ -286,22 +286,41 @@ def test_tables_of_other_programs(tmp_path, caplog, text, notes):
     ("text", "fault"),
     [
         (",0,1\n0,2.0,0.0\n1,1.9,0.3\n", "line 1: 0, 1 are the numbers of columns"),
-        ("0,1\n2.0,0.0\n1.9,0.3\n", "line 1: 0, 1 are the numbers of columns"),
-        ("0,1,2\n2.0,0.0,0.5\n1.9,0.3,0.5\n", "line 1: 0, 1, 2 are the numbers of columns"),
-        ("0;1\n2,0;0,0\n1,9;0,3\n", "line 1: 0, 1 are the numbers of columns"),
         ("0,2.0,0.0\n1,1.9,0.3\n2,1.7,0.5\n", "first column, 0, 1, 2, ..., has"),
-        ("0,1\n1,1\n2,3\n", None),
-        ("0,1.0\n1,2.0\n", None),
-        ("0,1,0\n1,1,0.5\n2,3,1\n", None),
     ],
 )
 def test_numbers_of_pandas_are_no_waypoints(tmp_path, text, fault):
     (tmp_path / "a.csv").write_text(text)
-    if fault is None:
-        assert load_waypoints(tmp_path / "a.csv").poses[0, 0] == 0.0
-        return
     with pytest.raises(InvalidReference, match=f"{fault}.*titles"):
         load_waypoints(tmp_path / "a.csv")
+
+
+LINE, COLUMN = "first line may be the numbers of col", "first column may be the numbers of rows"
+
+
+@pytest.mark.parametrize(
+    ("text", "remark"),
+    [
+        ("0,1\n0.5,1.5\n1.5,2.5\n", LINE),
+        ("0,1,2\n2.0,0.0,0.5\n1.9,0.3,0.5\n", LINE),
+        ("0;1\n2,0;0,0\n1,9;0,3\n", LINE),
+        ("0,0.0\n1,0.5\n2,0.8\n3,1.0\n", COLUMN),
+        ("0,1.0,0.5,0.0\n1,1.5,0.5,0.0\n2,2.0,0.5,0.0\n", COLUMN),  # t in whole seconds
+        ("0,1\n1,1\n2,3\n", ""),
+        ("0,1.0\n1,2.0\n", ""),
+        ("0,1,0\n1,1,0.5\n2,3,1\n", ""),
+    ],
+)
+def test_waypoints_that_may_be_numbers_of_pandas_are_read_with_a_note(
+    tmp_path, caplog, text, remark
+):
+    (tmp_path / "a.csv").write_text(text)
+    found = load_waypoints(tmp_path / "a.csv")
+    assert len(found.poses) == len(text.split())
+    note = caplog.messages[0]
+    assert "have no titles and are read as" in note
+    assert remark in note
+    assert ("may be" in note) == bool(remark)
 
 
 @pytest.mark.parametrize("axis", ["y", "x"])

@@ -1,5 +1,6 @@
 """Identification of a robot's parameters from logs."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -147,6 +148,41 @@ def test_mean_wheel_speeds_give_exact_times():
     assert found["lag in rotation"].value == pytest.approx(0.006, abs=1e-4)
     assert found["delay"].value == pytest.approx(0.008, abs=1e-4)
     assert found["wheel radius"].value == pytest.approx(0.05, rel=1e-3)
+
+
+@pytest.mark.parametrize("means", [False, True])
+@pytest.mark.parametrize(("begin", "end"), [(0.3, 0.75), (0.0, 0.3), (0.8, 1.0)])
+def test_segments_without_wheel_speeds_are_left_out(means, begin, end):
+    whole = drive(SMALL, duration=40.0, dt=0.02, delay=0)
+    speeds = whole.wheel_speeds.copy()
+    speeds[round(begin * len(speeds)) : round(end * len(speeds))] = np.nan
+    log = replace(whole, wheel_speeds=speeds, mean_wheel_speeds=means)
+    found = identify_robot(log, SMALL)
+    assert found.robot.wheel.radius == pytest.approx(SMALL.wheel.radius, rel=0.01)
+    assert found.robot.effective_radius == pytest.approx(SMALL.effective_radius, rel=0.02)
+    friction = found.estimates["friction"]
+    assert friction.reason or friction.value == pytest.approx(SMALL.friction, rel=0.1)
+
+
+def test_too_little_motion_is_that_with_wheel_speeds():
+    log = drive(SMALL, duration=40.0, dt=0.02, delay=0)
+    speeds = log.wheel_speeds.copy()
+    speeds[400:1500] = np.nan
+    found = identify_robot(replace(log, wheel_speeds=speeds), SMALL).estimates
+    reason = found["wheel radius"].reason
+    assert re.fullmatch(r"the log holds too little motion in the 1\d s with wheel speeds", reason)
+
+
+def test_too_few_wheel_speeds_are_the_reason():
+    log = drive(SMALL, duration=20.0, dt=0.02, delay=0)
+    speeds = log.wheel_speeds.copy()
+    speeds[25::50] = speeds[26::50] = np.nan
+    some = replace(log, wheel_speeds=speeds)
+    assert not identify_robot(some, SMALL).estimates["wheel radius"].reason
+    speeds[100:-50] = np.nan
+    found = identify_robot(replace(log, wheel_speeds=speeds), SMALL).estimates
+    for name in ("wheel radius", "effective radius"):
+        assert "poses and wheel speeds without a gap of more than 0.1 s in" in str(found[name])
 
 
 def test_logs_without_wheel_speeds_give_no_radii():

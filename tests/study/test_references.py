@@ -190,7 +190,23 @@ def test_motion_beyond_the_acceleration_limits_is_noted(caplog):
         fastest = plan_at(made).scenario.tasks.path_durations[0]
         plan_and_check(retime(made, duration=0.8 * fastest))
     (record,) = caplog.records
-    assert "exceeds the limit of the wheel force by a factor of 1.5" in record.getMessage()
+    message = record.getMessage()
+    assert "exceeds the limit of the wheel force by a factor of 1.19, so" in message  # 0.77 / 0.8^2
+    assert "cannot follow it exactly; the shortest duration within the limits is" in message
+
+
+@pytest.mark.parametrize(
+    ("radius", "share", "limit"), [(0.3, 0.92, "wheel force"), (5.0, 0.985, "wheel speed")]
+)
+def test_motion_within_the_reserve_of_a_limit_may_be_late(caplog, radius, share, limit):
+    planned = plan_at(scenario({"type": "circle", "radius": radius, "laps": 3}))
+    plan_and_check(retime(planned.scenario, duration=share * planned.shortest))
+    (record,) = caplog.records
+    message = record.getMessage()
+    used = float(re.search(r"uses ([\d.]+) of the limit of the " + limit, message)[1])
+    assert 0.77 < used <= 1.01
+    assert "the robot may follow it late; the shortest duration with a reserve is" in message
+    assert "exceeds" not in message
 
 
 def test_obstacle_on_the_reference_is_noted(caplog, tmp_path):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from omnidrive.control import Pipeline
 from omnidrive.control.controller import check_controller
@@ -30,9 +29,6 @@ from omnidrive.parameter import Bounds, check_number
 from omnidrive.reference import Reference
 from omnidrive.simulation import Outcome, Run
 from omnidrive.simulation.guard import run_timer
-
-if TYPE_CHECKING:
-    pass
 
 RATES = Bounds(1.0, 1000.0, "Hz")
 """Range of the rate of the loop."""

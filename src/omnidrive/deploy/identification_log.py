@@ -102,33 +102,33 @@ def _stretches(run: list[LoggedSample], robot: Robot, dt: float) -> Iterator[_St
 
 
 def _angles(reads: list[SensorReadings], wheels: int) -> Float[Array, "readings columns"]:
-    """Return stamps and wheel angles of readings, by stamp; none if any lacks them."""
-    known = all(len(each.wheel_angles) == wheels for each in reads)
-    rows = [(each.stamp, *each.wheel_angles) for each in reads] if known else []
-    return _by_stamp(np.array(rows).reshape(-1, 1 + wheels))
+    """Return stamps, s, and wheel angles, rad, of the readings that have them."""
+    rows = [(each.stamp, *each.wheel_angles) for each in reads if len(each.wheel_angles) == wheels]
+    return np.array(rows, dtype=float).reshape(-1, 1 + wheels)
 
 
 def _fixes(reads: list[SensorReadings]) -> Float[Array, "fixes 4"]:
-    """Return stamp, x, y and yaw of the usable pose fixes with a yaw, by stamp; s, m, m, rad."""
+    """Return stamp, x, y and yaw of the usable pose fixes with a yaw; s, m, m, rad."""
     fixes = [fix for each in reads for fix in each.fixes]
     usable = [each for fix in fixes if (each := usable_fix(fix, _LATEST)) is not None]
     rows = [(fix.stamp, *fix.pose) for fix in usable if fix.yaw_sigma < inf]
-    return _by_stamp(np.array(rows).reshape(-1, 4))
-
-
-def _by_stamp(rows: Float[Array, "rows columns"]) -> Float[Array, "kept columns"]:
-    """Return rows in the order of their stamps, the first of each stamp."""
-    _, first = np.unique(np.round(rows[:, 0] / _RESOLUTION), return_index=True)
-    return rows[first]
+    return np.array(rows, dtype=float).reshape(-1, 4)
 
 
 def _between(
     rows: Float[Array, "rows columns"], t: Float[Array, " samples"]
 ) -> Float[Array, "kept columns"]:
-    """Return rows with stamps from the first sample to the last."""
-    inside = (rows[:, 0] >= t[0] - _RESOLUTION) & (rows[:, 0] <= t[-1] + _RESOLUTION)
-    kept: Float[Array, "kept columns"] = rows[inside]
+    """Return rows with stamps from the first sample to the last, by stamp, one of each."""
+    inside = rows[(rows[:, 0] >= t[0] - _RESOLUTION) & (rows[:, 0] <= t[-1] + _RESOLUTION)]
+    _, first = np.unique(_steps(inside[:, 0], t), return_index=True)
+    kept: Float[Array, "kept columns"] = inside[first]
     return kept
+
+
+def _steps(stamps: Float[Array, " n"], t: Float[Array, " samples"]) -> Float[Array, " n"]:
+    """Return the times since the first sample in whole steps of the resolution."""
+    whole: Float[Array, " n"] = np.round((stamps - t[0]) / _RESOLUTION)
+    return whole
 
 
 def _is_dated(read: SensorReadings | None) -> bool:
@@ -137,7 +137,7 @@ def _is_dated(read: SensorReadings | None) -> bool:
 
 def _robot_log(stretch: _Stretch, robot: Robot) -> RobotLog:
     sampled, read, fixed = (
-        np.round((stamps - stretch.t[0]) / _RESOLUTION)
+        _steps(stamps, stretch.t)
         for stamps in (stretch.t, stretch.angles[:, 0], stretch.fixes[:, 0])
     )
     rows = np.unique(np.concatenate([sampled, read, fixed]))

@@ -135,7 +135,7 @@ def _lost(
             if not any(s.success_rate for s in each.evidence.summaries)
         ]
         if 0 < len(lost) < len(levels):
-            found.append(f"Along {path} no run is finished at {_listed(lost[:_MAX_LISTED])}.")
+            found.append(f"Along {path} no run is finished at {_shortened(lost)}.")
     return tuple(found)
 
 

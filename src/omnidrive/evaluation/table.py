@@ -116,13 +116,22 @@ Smaller values, such as the errors of exact tracking on the plant `kinematic`, a
 """
 
 
-NEGLIGIBLE = "< 0.001"
-"""Cell of a result below 0.001 mm, mrad, % or s, which is better than no other such result."""
+LEAST_RESULT = 1e-3
+"""Magnitude in mm, mrad, % or s below which a result is better than no other such result."""
+
+NEGLIGIBLE = f"< {LEAST_RESULT:g}"
+"""Cell of a result below :data:`LEAST_RESULT`."""
+
+
+def is_negligible(value: float) -> bool:
+    """Whether a result in the unit of its column equals every other such result in rankings."""
+    return bool(abs(value) < LEAST_RESULT)
 
 
 def cell_text(value: float) -> str:
     """Format a result in the unit of its column, as :func:`number_text` or :data:`NEGLIGIBLE`."""
-    return NEGLIGIBLE if RESOLUTION <= abs(value) < 1e-3 else number_text(value)
+    is_small = abs(value) >= RESOLUTION and is_negligible(value)
+    return NEGLIGIBLE if is_small else number_text(value)
 
 
 def level_text(level: object) -> str:

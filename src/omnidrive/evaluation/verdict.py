@@ -17,11 +17,16 @@ from omnidrive.evaluation.paired import (
     paired_differences,
 )
 from omnidrive.evaluation.results import FaultResult, StepResult, StudyResults, TrackResult
-from omnidrive.evaluation.table import NO_VALUE, RESOLUTION, number_text
+from omnidrive.evaluation.table import (
+    LEAST_RESULT,
+    NO_VALUE,
+    cell_text,
+    is_negligible,
+    number_text,
+)
 from omnidrive.evaluation.uncertainty import CONFIDENCE, estimate_mean, p_text
 from omnidrive.simulation import Outcome, Run
 
-_ROUNDING = 1e-3 * RESOLUTION  # m or s; smaller values are rounding errors
 _CHECK_SEEDS = 20  # seeds that a headline recommends
 _SMALL = 0.01  # relative difference of two runs that counts as none
 
@@ -103,7 +108,7 @@ class Verdict(NamedTuple):
     def value_text(self, contender: Contender) -> str:
         """Format the compared value of a contender, with its name and unit."""
         name, unit, factor = MEASURE_NAMES[self.measure]
-        value = f"{number_text(factor * contender.value)} {unit}"
+        value = f"{cell_text(factor * contender.value)} {unit}"
         if contender.recovered is None:
             return f"{name} {value}"
         return f"{contender.recovered} of {self.tests} faults, {name} {value}"
@@ -131,13 +136,21 @@ class Verdict(NamedTuple):
         return f"{factor} {'than' if factor.endswith('more') else 'times lower than'} {value}"
 
     @property
+    def tie_text(self) -> str:
+        """In which sense the two best results of one run each are equal."""
+        _, unit, factor = MEASURE_NAMES[self.measure]
+        if self.following is not None and is_negligible(factor * self.following.value):
+            return f"both below {LEAST_RESULT:g} {unit}"
+        return "equal within 1 %"
+
+    @property
     def confidence_text(self) -> str:
         """Confidence interval of the factor with p-value, or why there is none."""
         if self.advantage is None:
             return "no other result"
         _, low, high, p, seeds, needed = self.advantage
         if seeds < 2:
-            return "one run: no interval" if not self.advantage.is_tied else "equal within 1 %"
+            return self.tie_text if self.advantage.is_tied else "one run: no interval"
         if self.advantage.is_tied:
             few = f" ({seeds} seeds, at least {needed} needed)" if seeds < needed else ""
             return f"no difference shown, p {p_text(p)}{few}"
@@ -179,7 +192,7 @@ def headline(found: Iterable[Verdict]) -> list[str]:
         if each.task == "horizon":
             others.append(f"Best {each.name}: {each.best.name}.")
         elif each.following and each.advantage and each.advantage.is_tied:
-            others.append(_tie(each.name, each.advantage, each.best.name, each.following.name))
+            others.append(_tie(each, each.advantage, each.best.name, each.following.name))
         elif one_noise:
             others.append(
                 f"{each.name.capitalize()}: {each.best.name} is best in one run; check with "
@@ -208,9 +221,10 @@ def limit_notes(results: StudyResults) -> list[str]:
     return [f"{text} ({', '.join(labels)})." for text, labels in notes.items()]
 
 
-def _tie(task: str, advantage: Advantage, first: str, second: str) -> str:
+def _tie(verdict: Verdict, advantage: Advantage, first: str, second: str) -> str:
+    task = verdict.name.capitalize()
     if advantage.seeds > 1:
-        text = f"{task.capitalize()}: no difference shown between {first} and {second}"
+        text = f"{task}: no difference shown between {first} and {second}"
         if advantage.seeds >= advantage.needed:
             return f"{text}."
         least = max(_CHECK_SEEDS, advantage.needed)
@@ -218,7 +232,7 @@ def _tie(task: str, advantage: Advantage, first: str, second: str) -> str:
             f"{text}, and none can be with {advantage.seeds} seeds and this number of controllers: "
             f"at least {advantage.needed} are needed; check with --noise-seeds {least}."
         )
-    return f"{task.capitalize()}: {first} and {second} are equal within 1 %."
+    return f"{task}: {first} and {second} are {verdict.tie_text}."
 
 
 def _listed(words: list[str]) -> str:
@@ -237,16 +251,17 @@ def _ranked(
     advantage = None
     if len(ranking) > 1:
         comparable = ranking[0].recovered == ranking[1].recovered
-        factor = _ratio(ranking[1].value, ranking[0].value) if comparable else nan
+        factor = _ratio(ranking[1].value, ranking[0].value, measure) if comparable else nan
         advantage = Advantage(factor, nan, nan, nan, 1)
     return Verdict(task, name, measure, tuple(ranking), unranked, advantage, tests)
 
 
-def _ratio(above: float, below: float) -> float:
-    """Return the ratio of two values that are not negative; 1 if both are only rounding errors."""
-    if below >= _ROUNDING:
+def _ratio(above: float, below: float, measure: str) -> float:
+    """Return the ratio of two values that are not negative; 1 if both are negligible."""
+    factor = MEASURE_NAMES[measure][2]
+    if not is_negligible(factor * below):
         return above / below
-    return inf if above >= _ROUNDING else 1.0
+    return 1.0 if is_negligible(factor * above) else inf
 
 
 def _tracking(results: StudyResults, task: str) -> list[Verdict]:
@@ -288,13 +303,14 @@ def _paired(
     """
     ours, theirs = best.finished, following.finished
     seeds = sorted(ours.keys() & theirs.keys())
-    ratios = [_ratio(theirs[k].metrics.me, ours[k].metrics.me) for k in seeds]
+    ratios = [_ratio(theirs[k].metrics.me, ours[k].metrics.me, "me") for k in seeds]
+    are_equal = all(ratio == 1.0 for ratio in ratios)
     if not np.isfinite(ratios).all():
         ratios = []
     log = estimate_mean(np.log(np.array(ratios, dtype=float)))
     pair = {best.controller, following.controller}
     tested = [d for d in differences if d.measure == "me" and d.duration == best.duration]
-    p = next((d.p for d in tested if {d.first, d.second} == pair), nan)
+    p = next((1.0 if are_equal else d.p for d in tested if {d.first, d.second} == pair), nan)
     needed = needed_differences(max(len(tested), 1))
     return Advantage(exp(log.mean), exp(log.low), exp(log.high), p, len(seeds), needed)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from numbers import Real
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
+from typing import Annotated, Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import Path, SplinePath
 from omnidrive.planning.search import SearchResult, search
 from omnidrive.planning.smoothing import smooth
-
-if TYPE_CHECKING:
-    pass
 
 _CLEARANCE = 0.2
 """Distance in cells from the inflated obstacles that certified paths keep where possible. It hardly

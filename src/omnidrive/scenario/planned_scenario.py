@@ -111,10 +111,18 @@ class PlannedScenario:
     @property
     def _speed_limits(self) -> tuple[LimitRows, ...]:
         """Limits of the speeds, that of the wheels without a reserve."""
-        limits = _motion_limits(self.scenario, self.robot)
-        whole = replace(limits, wheel_speed=self.robot.max_wheel_speed)
-        rows = limit_rows(self.robot.chassis, whole)
-        return tuple(each for each in rows if each.kind == "speed")
+        return tuple(each for each in self._whole_limits if each.kind == "speed")
+
+    @property
+    def _whole_limits(self) -> tuple[LimitRows, ...]:
+        """Limits of the motion without a reserve for feedback."""
+        whole = replace(
+            _motion_limits(self.scenario, self.robot),
+            wheel_speed=self.robot.max_wheel_speed,
+            acceleration_faces=self.robot.acceleration_faces
+            / max(self.scenario.timing.traction, 1.0),
+        )
+        return limit_rows(self.robot.chassis, whole)
 
     @property
     def shortest(self) -> float:
@@ -360,14 +368,13 @@ def _note_excess(planned: PlannedScenario) -> None:
     """Log warnings: the limit that the reference exceeds most, and obstacles on its path."""
     durations = planned.scenario.tasks.path_durations
     if durations:
-        usage = limit_usage(planned.reference(durations[0]), planned.limits)
-        name, share = max(usage.items(), key=lambda item: item[1])
-        if share > 1.0 + _EXCESS:
+        reference = planned.reference(durations[0])
+        if max(limit_usage(reference, planned.limits).values()) > 1.0 + _EXCESS:
+            usage = limit_usage(reference, planned._whole_limits)
+            name, share = max(usage.items(), key=lambda item: item[1])
             _log.warning(
-                "the reference in %g s exceeds the limit of the %s by a factor of %.2f, so that "
-                "the robot cannot follow it exactly; the shortest duration within the limits is "
-                "%.1f s",
-                durations[0], name, share, ceil(10.0 * planned.shortest) / 10.0,
+                "the reference in %g s %s is %.1f s",
+                durations[0], _excess(name, share), ceil(10.0 * planned.shortest) / 10.0,
             )  # fmt: skip
     depth = -planned.clearance_bounds[1]
     if depth > 0.0:
@@ -376,3 +383,16 @@ def _note_excess(planned: PlannedScenario) -> None:
             "the start, or choose another map, such as none",
             depth,
         )
+
+
+def _excess(name: str, share: float) -> str:
+    """Return what a share of a limit means for the robot, up to "is" the shortest duration."""
+    if share > 1.0 + _EXCESS:
+        return (
+            f"exceeds the limit of the {name} by a factor of {share:.2f}, so that the robot cannot "
+            "follow it exactly; the shortest duration within the limits"
+        )
+    return (
+        f"uses {share:.2f} of the limit of the {name}, which leaves too little for feedback: the "
+        "robot may follow it late; the shortest duration with a reserve"
+    )

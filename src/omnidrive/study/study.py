@@ -8,7 +8,7 @@ from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from omnidrive.compiled import announce_compiling
 from omnidrive.components import configure
@@ -40,9 +40,6 @@ from omnidrive.study.output_paths import REPORT_FILE, check_new_folder, check_st
 from omnidrive.study.setup_facts import controller_types
 from omnidrive.study.stored_runs import StoredRuns
 from omnidrive.visualization import Observer
-
-if TYPE_CHECKING:
-    pass
 
 _MAX_TABLES = 2  # in notebooks
 

@@ -125,34 +125,48 @@ def _columns(name: str, form: TableFormat, lines: list[str]) -> tuple[Columns, i
             f"{name}, line {form.first_row}: {count} columns without titles; start the table with "
             f"a line of titles such as {_PATH_HEADER}"
         )
-    _check_numbering(name, form, lines)
-    _log.warning("%s: the columns have no titles and are read as %s", name, ", ".join(titles))
+    _log.warning(
+        "%s: the columns have no titles and are read as %s%s",
+        name, ", ".join(titles), _possible_numbering(name, form, lines, titles),
+    )  # fmt: skip
     return table_columns(name, titles)._replace(unused=()), count
 
 
-def _check_numbering(name: str, form: TableFormat, lines: list[str]) -> None:
-    """Raise InvalidReference if a table without titles has the column or row numbers of pandas.
+def _possible_numbering(
+    name: str, form: TableFormat, lines: list[str], titles: tuple[str, ...]
+) -> str:
+    """Return a remark if a table without titles may have the column or row numbers of pandas.
 
-    Numbers that count from 0 are taken for them if they are integers beside decimal fractions.
+    They count from 0. In the first line they may also be a waypoint, and in the first column times,
+    or positions if there is only one other column.
+
+    Raises:
+        InvalidReference: There certainly are such numbers: those of columns after an empty cell,
+            those of rows before two columns of decimal fractions.
     """
     text = [line for line in lines[form.first_row - 1 :] if line.strip()]
     try:
         rows = [form.cells(line) for line in text[:_NUMBERED_ROWS]]
     except ValueError:
-        return  # the error of the row states it
+        return ""  # the error of the row states it
     remedy = "give the columns titles, as in df.to_csv(file, index=False) with the columns x, y"
     first = [cell for cell in rows[0] if cell]
-    fractions = all(form.decimal in cell for cell in rows[1][-len(first) :]) if rows[1:] else False
-    if first == list(map(str, range(len(first)))) and (fractions or not rows[0][0]):
-        raise InvalidReference(
-            f"{name}, line {form.first_row}: {', '.join(first)} are the numbers of columns, not a "
-            f"waypoint; {remedy}"
-        )
+    if first == list(map(str, range(len(first)))):
+        if not rows[0][0]:
+            raise InvalidReference(
+                f"{name}, line {form.first_row}: {', '.join(first)} are the numbers of columns, "
+                f"not a waypoint; {remedy}"
+            )
+        if rows[1:] and all(form.decimal in cell for cell in rows[1]):
+            return "; the first line may be the numbers of columns"
     counted = [row[0] for row in rows] == list(map(str, range(len(rows))))
     if counted and len(rows) > 2 and all(form.decimal in cell for row in rows for cell in row[1:]):
+        if len(titles) == 2 or titles[0] == "t":
+            return "; the first column may be the numbers of rows"
         raise InvalidReference(
             f"{name}: the first column, 0, 1, 2, ..., has the numbers of rows; {remedy}"
         )
+    return ""
 
 
 def _rows(

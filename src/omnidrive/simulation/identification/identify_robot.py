@@ -142,14 +142,24 @@ class _Data:
         turned = _cumulated(parts[:, 2:])
         yaw = self.fixes.yaw(self.robot.wheel.radius * turned[:, 0])
         moved = _cumulated(_turned(parts, 0.5 * (yaw[1:] + yaw[:-1])))
-        used = self.followed & ~self._may_slip()
+        known = self.followed & self.odometry.complete(self.segments)
+        length, longest = self.fixes.length, self.odometry.longest
+        seconds, lacking = length * int(known.sum()), known.sum() < self.followed.sum()
+        if known.sum() < MIN_SEGMENTS <= self.followed.sum():
+            reason = (
+                f"the log has poses and wheel speeds without a gap of more than {longest:.2g} s in "
+                f"{seconds:.3g} s, need {length * MIN_SEGMENTS:.3g} s"
+            )
+            return missing("wheel radius", "m", reason), missing("effective radius", "m", reason)
+        used = known & ~self._may_slip()
         if used.sum() < MIN_SEGMENTS:
-            used = self.followed
+            used = known
         r, r_sigma, bad = _ratio(self.fixes, self.fixes.positions, moved, used)
         q, q_sigma, bad_yaw = _ratio(self.fixes, self.fixes.yaws, turned, used)
-        self.slipping = bad | bad_yaw
+        self.slipping = known & (bad | bad_yaw)
+        part = f" in the {seconds:.3g} s with wheel speeds" if lacking else ""
         radius = self._checked(
-            Estimate("wheel radius", "m", r, r_sigma), "the log holds too little motion"
+            Estimate("wheel radius", "m", r, r_sigma), f"the log holds too little motion{part}"
         )
         value = self.robot.effective_radius * r / q if r and q else np.nan
         relative = hypot(r_sigma / r, q_sigma / q) if r and q else np.inf
@@ -157,7 +167,8 @@ class _Data:
         gap = self.robot.wheel.row_gap if self.robot.wheel.rows == 2 else 0.0
         sigma = hypot(abs(value) * relative, (0.5 * gap) ** 2 / abs(value) / sqrt(3.0))
         effective = self._checked(
-            Estimate("effective radius", "m", value, sigma), "the log holds too little rotation"
+            Estimate("effective radius", "m", value, sigma),
+            f"the log holds too little rotation{part}",
         )
         return radius, effective
 
