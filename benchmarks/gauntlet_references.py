@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import inf, pi
 from typing import NamedTuple
@@ -93,6 +93,12 @@ def counted(name: str, t: np.ndarray) -> np.ndarray:
     return (t >= SETTLED) & (t <= t[-1] - ENDED if stops_at_once else t <= inf)
 
 
+def physical_limits(robot: str) -> MotionLimits:
+    """Return the whole wheel speed of a robot and :data:`TRACTION` of its forces."""
+    limits = MotionLimits.of_robot(ROBOTS[robot], share=TRACTION)
+    return replace(limits, wheel_speed=ROBOTS[robot].max_wheel_speed)
+
+
 @cache
 def exact_arrival(robot: str) -> float:
     """Return when the robot can be within :data:`ARRIVED` of the end of the eight in 8 s, in s.
@@ -103,7 +109,7 @@ def exact_arrival(robot: str) -> float:
     """
     shape, pieces, per_piece = SHAPES["eight"], 200, 10
     path = piecewise(shape, pieces)
-    limits = limit_rows(ROBOTS[robot].chassis, MotionLimits.of_robot(ROBOTS[robot], share=TRACTION))
+    limits = limit_rows(ROBOTS[robot].chassis, physical_limits(robot))
     a, b, _ = interval_rows(path, limits, per_piece)
     width, top = 1.0 / per_piece, 1e6
     largest = max_squared_speeds(a, b, width, top, (top, 0.0))

@@ -25,10 +25,11 @@ from gauntlet_references import (
     exact_arrival,
     limits_of,
     path_distance,
+    physical_limits,
     reference_of,
 )
 
-from omnidrive.reference import MotionLimits, delay_within_limits, limit_rows, limit_usage
+from omnidrive.reference import delay_within_limits, limit_rows, limit_usage
 from omnidrive.simulation import Outcome
 
 CELL = Cell("step-cases", "small", 0.1, "ball", "lag", "step-x", 0, "pid")
@@ -103,7 +104,7 @@ def test_the_exact_retiming_is_late_only_where_the_wheels_limit_it():
     feasible = exact_arrival("paper")
     assert feasible < 8.0  # within 50 mm of the end, before the end
     robot = ROBOTS["mecanum"]
-    limits = limit_rows(robot.chassis, MotionLimits.of_robot(robot))
+    limits = limit_rows(robot.chassis, physical_limits("mecanum"))
     motion = delay_within_limits(reference_of("eight-8s", "mecanum"), limits)
     t = np.arange(0.0, motion.duration, 1e-3)
     positions = motion.window(0.0, len(t), 1e-3)[:, :2]

@@ -42,12 +42,12 @@ def test_text_and_json_output_agree(capsys, room):
     lines = plan(capsys, *room).splitlines()
     facts = json.loads(plan(capsys, *room, "--json"))
     assert f"{'length':<20}{facts['length_m']:.3f} m" in lines
-    assert 6.0 < facts["length_m"] < facts["length_of_the_way_m"]
+    assert 6.0 < facts["length_m"] < facts["length_of_grid_path_m"]
     assert facts["clearance_m"] > 0.0
     assert 0.5 < facts["largest_curvature_per_m"] < 20.0
     assert facts["expansions"] > 0
     assert facts["shortest_duration_s"] <= facts["duration_s"] < facts["shortest_duration_s"] + 0.1
-    used = [facts["wheel_speed_used_percent"], facts["traction_used_percent"]]
+    used = [facts["wheel_speed_used_percent"], facts["wheel_force_used_percent"]]
     assert 90.0 < max(used) <= 101.0
 
 

@@ -121,7 +121,7 @@ def test_plan_reports_and_writes_a_shape(here, capsys):
     facts = json.loads(capsys.readouterr().out)
     assert facts["reference"] == "circle"
     assert facts["length_m"] == pytest.approx(np.pi, rel=1e-3)
-    assert 90.0 < facts["traction_used_percent"] <= 100.1
+    assert 90.0 < facts["wheel_force_used_percent"] <= 100.1
     assert "expansions" not in facts
     assert {p.name for p in (here / "c").iterdir()} == {
         "scenario.yaml",
@@ -132,6 +132,6 @@ def test_plan_reports_and_writes_a_shape(here, capsys):
     load_verb("plan")(["c/reference.csv", "--robot", "small", "--json"], standalone_mode=False)
     again = json.loads(capsys.readouterr().out)
     assert again["duration_s"] == facts["duration_s"]
-    assert again["traction_used_percent"] <= 101.0
+    assert again["wheel_force_used_percent"] <= 101.0
     load_verb("plan")(["c", "--json"], standalone_mode=False)
     assert json.loads(capsys.readouterr().out)["length_m"] == facts["length_m"]

@@ -12,8 +12,8 @@ from time import monotonic, sleep
 import pytest
 
 from omnidrive.errors import InvalidInput, MissingExtra
+from omnidrive.execution import cluster
 from omnidrive.execution.cluster import ClusterPool, _execute, _versions
-from omnidrive.study import cluster
 from omnidrive.study.experiment import Experiment
 from omnidrive.study.store import Store
 from tests.study.synthetic import Compute, SyntheticPlan, table_bytes

@@ -123,7 +123,7 @@ def test_paper_scenario_has_no_faults():
 def test_a_watchdog_can_be_set_and_taken_away():
     tasks = faulty("sensor-silent:at=4,duration=10").tasks
     for section, outcome in (
-        (WatchdogSection(on=False), Outcome.FINISHED),
+        (WatchdogSection(enabled=False), Outcome.FINISHED),
         (WatchdogSection(age=100.0, error=0.3), Outcome.STOPPED),
     ):
         scenario = small_scenario(tasks=tasks, controllers=("feedforward",), watchdog=section)
