@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from itertools import islice
 from typing import NamedTuple
 
+from omnidrive.errors import one_line
 from omnidrive.files.number_text import parse_number
 
 COMMENT = "#"
@@ -90,7 +91,7 @@ def split_cells(line: str, separator: str) -> list[str]:
                             strict=True)  # fmt: skip
         return [cell.strip() for cell in next(reader, [])]
     except csv.Error as error:
-        raise ValueError(str(error)) from None
+        raise ValueError(one_line(str(error))) from None  # may hold the separator
 
 
 def is_index(title: str) -> bool:
