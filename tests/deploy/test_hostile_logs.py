@@ -207,7 +207,7 @@ def test_attachments_are_counted_once(tmp_path, monkeypatch, drive, same):
         return sum(numbers, *start)
 
     monkeypatch.setattr(logged_drive_module, "sum", counted, raising=False)
-    monkeypatch.setattr(logged_drive_module, "_MOST_FILES", 100)
+    monkeypatch.setattr(logged_drive_module, "_MAX_FILES", 100)
     path = tmp_path / "a.mcap"
     writer = foreign(path)
     writer.add_metadata("omnidrive.drive", dict(drive.metadata))
@@ -226,7 +226,7 @@ def test_attachments_are_counted_once(tmp_path, monkeypatch, drive, same):
 
 
 def test_too_many_samples_are_not_kept(tmp_path, monkeypatch, drive):
-    monkeypatch.setattr(logged_drive_module, "MOST_SAMPLES", 10)
+    monkeypatch.setattr(logged_drive_module, "MAX_SAMPLES", 10)
     path = write(tmp_path / "a.mcap", drive, drive.samples())
     with pytest.raises(InvalidLog, match="samples, at most 10"):
         read_log(path).run()

@@ -191,7 +191,7 @@ def test_without_the_package_the_extra_is_named():
     """The package is imported without cyclonedds; only a node needs it."""
     code = (
         "import sys; sys.modules['cyclonedds'] = None\n"
-        "import omnidrive.deploy.ros2 as r\n"
+        "import omnidrive.ros2 as r\n"
         "try: r.Node('a')\n"
         "except r.node.MissingExtra as e: print(e)"
     ).replace("r.node.MissingExtra", "__import__('omnidrive.errors').errors.MissingExtra")

@@ -116,16 +116,16 @@ Smaller values, such as the errors of exact tracking on the plant `kinematic`, a
 """
 
 
-LEAST_RESULT = 1e-3
+MIN_RESULT = 1e-3
 """Magnitude in mm, mrad, % or s below which a result is better than no other such result."""
 
-NEGLIGIBLE = f"< {LEAST_RESULT:g}"
-"""Cell of a result below :data:`LEAST_RESULT`."""
+NEGLIGIBLE = f"< {MIN_RESULT:g}"
+"""Cell of a result below :data:`MIN_RESULT`."""
 
 
 def is_negligible(value: float) -> bool:
     """Whether a result in the unit of its column equals every other such result in rankings."""
-    return bool(abs(value) < LEAST_RESULT)
+    return bool(abs(value) < MIN_RESULT)
 
 
 def cell_text(value: float) -> str:

@@ -18,7 +18,7 @@ from omnidrive.evaluation.paired import (
 )
 from omnidrive.evaluation.results import FaultResult, StepResult, StudyResults, TrackResult
 from omnidrive.evaluation.table import (
-    LEAST_RESULT,
+    MIN_RESULT,
     NO_VALUE,
     cell_text,
     is_negligible,
@@ -140,7 +140,7 @@ class Verdict(NamedTuple):
         """In which sense the two best results of one run each are equal."""
         _, unit, factor = MEASURE_NAMES[self.measure]
         if self.following is not None and is_negligible(factor * self.following.value):
-            return f"both below {LEAST_RESULT:g} {unit}"
+            return f"both below {MIN_RESULT:g} {unit}"
         return "equal within 1 %"
 
     @property
