@@ -9,7 +9,12 @@ from omnidrive.errors import OmnidriveError
 from omnidrive.study import RunPlan
 from omnidrive.study.store import FILE, Store
 from omnidrive.study.stored_study import read_study
-from omnidrive.study.study_folder import DEFINITION_FILE, load_study, note_file
+from omnidrive.study.study_folder import (
+    DEFINITION_FILE,
+    load_study,
+    note_file,
+    study_outline,
+)
 from tests.study.test_stored_study import made
 
 
@@ -121,6 +126,17 @@ def test_edited_database(whole, tmp_path, caplog, statement, expected):
     connection.executescript(statement)
     connection.close()
     check(folder, whole[1], expected, caplog)
+
+
+@pytest.mark.parametrize(
+    "outline", ["no JSON", "[]", "3", "null", "{}", "[[]]", '["a", 0, true]', '["a", 0, true, "b"]']
+)
+def test_status_ignores_an_outline_of_another_form(whole, tmp_path, outline):
+    folder = copied(whole, tmp_path)
+    expected = study_outline(folder)
+    with Store(folder) as store:
+        store.note("outline", outline)
+    assert study_outline(folder) == expected
 
 
 def other_log(folder):

@@ -58,7 +58,7 @@ def load_controller(path: StrPath) -> dict[str, Any]:
 
 
 def permitted_controller(path: StrPath, permission: CodePermission) -> dict[str, Any]:
-    """Read the file of a controller, whose code needs a permission whoever names the file.
+    """Read the file of a controller, whose code needs a permission in any case.
 
     Raises:
         InvalidScenario: As :func:`load_controller`.

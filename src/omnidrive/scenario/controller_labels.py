@@ -21,7 +21,7 @@ def by_label(value: Any, info: Any) -> Any:
 
     Args:
         value: Value of the scenario key ``controllers``.
-        info: Pydantic's, with the permission to import code: files need it, whoever names them.
+        info: Pydantic's, with the permission to import code, which files always need.
 
     Raises:
         ValueError: Two labels are alike, also if they differ in case only, or a file is invalid.

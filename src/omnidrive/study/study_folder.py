@@ -105,13 +105,25 @@ def study_outline(folder: StrPath) -> tuple[StudyOutline, str]:
     file = path / (SCENARIO_FILE if (path / SCENARIO_FILE).is_file() else DEFINITION_FILE)
     if file.is_file() and (path / STORE_FILE).is_file():
         with Store(path, read_only=True) as store:
-            stored = json.loads(store.fact(_OUTLINE_FACT) or "[]")
-            if stored and stored.pop() == _bytes_hash(file):
-                return StudyOutline(*stored), store.fact("until") or ""
+            stored = _stored_outline(store, file)
+            if stored is not None:
+                return stored, store.fact("until") or ""
     from omnidrive.study.run_plan import RunPlan  # noqa: PLC0415
 
     definition, until = load_study(path, allow_code=CodePermission.UNREAD)
     return _outline(RunPlan(definition)), until
+
+
+def _stored_outline(store: Store, file: Path) -> StudyOutline | None:
+    """Return the outline in a store; None: there is none for the present bytes of the file."""
+    try:
+        name, planned, names_code, content = json.loads(store.fact(_OUTLINE_FACT) or "[]")
+    except (ValueError, TypeError, RecursionError):
+        return None
+    types = isinstance(name, str) and type(planned) is int and isinstance(names_code, bool)
+    if not types or planned < 1 or content != _bytes_hash(file):
+        return None
+    return StudyOutline(name, planned, names_code)
 
 
 def _outline(plan: RunPlan) -> StudyOutline:

@@ -97,7 +97,7 @@ def _child(
     bodies: list[Body],
     hinges: list[Joint],
 ) -> Body:
-    """Return the body that a joint carries on body ``index``; append the joint if it is a hinge."""
+    """Return the child of a joint on body ``index``; append the joint if it is a hinge."""
     parent = bodies[index]
     rotation, position = _origin(joint)
     rotation, position = parent.rotation @ rotation, parent.position + parent.rotation @ position
