@@ -57,7 +57,7 @@ def variance_shares(runs: RunTable, metric: str, task: Task) -> list[VarianceSha
     y = values[rows]
     if len(y) < 3 or y.std() <= 1e-12 * np.abs(y).max():
         return []
-    _, repetition = np.unique(runs.repetition[rows], return_inverse=True)
+    _, repetition = np.unique(runs.unit[rows], return_inverse=True)
     sample = _Sample(y - y.mean(), repetition.astype(np.int64))
     found = []
     if len(runs.controllers) > 1:

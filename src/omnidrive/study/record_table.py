@@ -21,6 +21,7 @@ _FIXED = {
     "duration": pa.float64(),
     "variant": pa.dictionary(pa.int32(), pa.string()),
     "repetition": pa.int64(),
+    "repeat": pa.int64(),
     "outcome": pa.dictionary(pa.int32(), pa.string()),
     "finished": pa.bool_(),
 }

@@ -30,6 +30,7 @@ def relabelled(record: RunRecord, run: PlannedRun) -> RunRecord:
         factors=_factors(run),
         duration=run.job.duration,
         variant=_variant(run),
+        repeat=run.job.repeat,
     )
 
 
@@ -86,6 +87,7 @@ def _labelled(
         detail=detail[:MAX_DETAIL],
         duration=run.job.duration,
         variant=_variant(run),
+        repeat=run.job.repeat,
     )
 
 

@@ -226,7 +226,7 @@ class Store:
         """Return the undamaged stored runs in the order of the plan, without computing times.
 
         The columns are number, key, pairing, controller, task, duration, variant, repetition,
-        outcome and finished, then ``factor:PATH`` of each factor, then the metrics, by name. The
+        repeat, outcome and finished, then ``factor:PATH`` of each factor, then the metrics, by name. The
         table does not depend on the order in which the runs were stored.
         """
         return self.tables().records

@@ -22,8 +22,8 @@ from omnidrive.study.run_record import RunRecord
 APPLICATION = 0x6F6D6E69
 """Application id of the file: "omni"."""
 
-VERSION = 3
-"""Version of the tables; those of version 1 have no checksums, and those of 2 other ones."""
+VERSION = 4
+"""Version of the tables; those of earlier versions have other columns or checksums."""
 
 _CHUNK = 10_000  # rows in memory as Python objects
 _MAX_READS = 5_000  # attempts to read what damaged pages leave
@@ -40,8 +40,8 @@ CREATE TABLE results (
 CREATE TABLE runs (
     number INTEGER PRIMARY KEY, result INTEGER NOT NULL REFERENCES results (id),
     pairing INTEGER NOT NULL, controller TEXT NOT NULL, task TEXT NOT NULL, duration TEXT NOT NULL,
-    variant TEXT NOT NULL, repetition INTEGER NOT NULL, factors TEXT NOT NULL,
-    checksum INTEGER NOT NULL
+    variant TEXT NOT NULL, repetition INTEGER NOT NULL, repeat INTEGER NOT NULL,
+    factors TEXT NOT NULL, checksum INTEGER NOT NULL
 ) STRICT;
 CREATE TABLE facts (
     id INTEGER PRIMARY KEY, content TEXT NOT NULL, checksum INTEGER NOT NULL
@@ -58,7 +58,7 @@ PRAGMA user_version = {VERSION}
 
 _RESULT = ("key", "outcome", "finished", "names", "floats", "detail", "log")
 _RUN = ("number", "pairing", "controller", "task", "duration", "variant", "repetition",
-        "factors")  # fmt: skip
+        "repeat", "factors")  # fmt: skip
 
 
 def _checksum(values: Sequence[str]) -> str:
@@ -205,7 +205,7 @@ def run_row(record: RunRecord) -> tuple[Any, ...]:
     """Return the values of a run for :data:`INSERT_RUN`."""
     return (
         record.number, record.pairing, record.controller, record.task,
-        repr(float(record.duration)), record.variant, record.repetition,
+        repr(float(record.duration)), record.variant, record.repetition, record.repeat,
         json.dumps(record.factors), record.key,
     )  # fmt: skip
 

@@ -77,6 +77,7 @@ class EvidencePage(NamedTuple):
         return {
             "Runs": f"{len(runs):,}" + (f", {lost:,} ended early" if lost else ""),
             "Repetitions": f"{runs.repetitions:,}",
+            **({"Noise seeds": f"{runs.repeats:,}"} if runs.repeats > 1 else {}),
             "Controllers": str(len(runs.controllers)),
             "Axes": ", ".join(runs.axes) or "none",
             **({"Random": ", ".join(runs.random_factors)} if runs.random_factors else {}),
