@@ -113,4 +113,4 @@ def test_repeats_share_the_sample_of_random_factors():
     table = synthetic_table({"a": 1e-3}, repetitions=12, random={"plant_robot.friction": friction})
     runs = RunTable(with_repeats(table, 4))
     assert runs.random_factors == ("plant_robot.friction",)
-    np.testing.assert_array_equal(runs.unit, runs.repetition)
+    np.testing.assert_array_equal(runs.unit, runs.repetition * runs.repeats)

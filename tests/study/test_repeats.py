@@ -7,7 +7,14 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from omnidrive.scenario import Job, jobs_of, one_task, plan_and_check, retime, run_job
+from omnidrive.scenario import (
+    RunSettings,
+    one_task,
+    plan_and_check,
+    retime,
+    settings_of_runs,
+    simulate_run,
+)
 from omnidrive.study import read_study, run_study
 from tests.study.small import noise_scenario, small_scenario
 from tests.study.test_study import numbers
@@ -28,10 +35,12 @@ def noise(folder, run):
 
 
 def test_first_repeat_equals_a_study_without_repeats(folder):
-    once = [job for job in jobs_of(small_scenario()) if job.task == "noise"]
+    once = [job for job in settings_of_runs(small_scenario()) if job.task == "noise"]
     assert [job.repeat for job in once] == [0] * 4
     first = next(r for r in numbers(folder)["runs"] if r["controller"] == "holonomic-nmpc")
-    single = run_job(plan_and_check(small_scenario()), Job("noise", "holonomic-nmpc", 20.0))
+    single = simulate_run(
+        plan_and_check(small_scenario()), RunSettings("noise", "holonomic-nmpc", 20.0)
+    )
     assert single.name == first["name"] == "noise-holonomic-nmpc-20s"
     assert single.metrics.me == first["me"]
 

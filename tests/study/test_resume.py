@@ -8,7 +8,8 @@ import pytest
 
 from omnidrive.errors import CannotWrite
 from omnidrive.scenario import load_scenario
-from omnidrive.scenario.jobs import jobs_of, run_job
+from omnidrive.scenario.run_settings import settings_of_runs
+from omnidrive.scenario.run_simulation import simulate_run
 from omnidrive.scenario.planned_scenario import plan_and_check
 from omnidrive.scenario.sections import SensorsSection
 from omnidrive.scenario.tasks import DurationsTask, FaultsTask, NoiseTask, StepTask, Tasks
@@ -48,9 +49,9 @@ def executed(monkeypatch):
 
     def noted(planned, job, observers=()):
         found.append(job.task)
-        return run_job(planned, job, observers)
+        return simulate_run(planned, job, observers)
 
-    monkeypatch.setattr("omnidrive.study.job_execution.run_job", noted)
+    monkeypatch.setattr("omnidrive.study.job_execution.simulate_run", noted)
     return found
 
 
@@ -67,7 +68,7 @@ def test_second_process_on_one_folder_is_refused(tmp_path, monkeypatch):
 
     study = run_study(SHORT, tmp_path / "s", progress=Second())
     assert refused
-    assert len(study.results.runs) == len(jobs_of(SHORT))
+    assert len(study.results.runs) == len(settings_of_runs(SHORT))
 
 
 def without_times(value):
@@ -142,9 +143,9 @@ def test_restored_run_is_the_one_that_was_stored(tmp_path, section):
     tasks = SHORT.tasks.model_copy(update={"faults": FaultsTask(duration=20.0)})
     scenario = SHORT.with_values(tasks=tasks, sensors=section and section(), plant="planar")
     planned = plan_and_check(scenario)
-    jobs = [*jobs_of(scenario)[:4], *jobs_of(scenario)[-1:]]
+    jobs = [*settings_of_runs(scenario)[:4], *settings_of_runs(scenario)[-1:]]
     with StoredRuns(RunFolder(tmp_path), planned, jobs) as stored:
-        results = {job: run_job(planned, job) for job in jobs}
+        results = {job: simulate_run(planned, job) for job in jobs}
         for job, result in results.items():
             stored.add(job, result)
         restored = stored.finished()

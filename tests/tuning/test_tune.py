@@ -230,7 +230,7 @@ def test_sets_share_neither_seeds_nor_references_nor_robots(plant):
         check_apart(sets)
         training, held_out = sets
         assert training.scenario.seed != held_out.scenario.seed
-        assert {run.job.task for run in RunPlan(training)} == {"track"}
+        assert {run.settings.task for run in RunPlan(training)} == {"track"}
         shapes = {run.scenario.reference.type for run in RunPlan(held_out)}
         assert shapes == {"eight", "square"}
         robots = [
@@ -250,7 +250,7 @@ def test_validation_has_robots_beyond_those_that_are_held_out():
         for each in (validation_set(training), held_out, training)
     ]
     assert max(frictions[0]) < min(frictions[1]) <= max(frictions[1]) < min(frictions[2])
-    (quick,) = {run.job.duration for run in RunPlan(validation_set(training))
+    (quick,) = {run.settings.duration for run in RunPlan(validation_set(training))
                 if run.factors["motion"] == "quick"}  # fmt: skip
     assert quick == pytest.approx(plan_at(training.scenario).shortest, abs=0.2)
     step = {"step": {"displacement": [0.1, 0.0, 0.0], "duration": 2.0}}

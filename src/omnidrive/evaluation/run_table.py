@@ -105,9 +105,9 @@ class RunTable:
         It is the repetition, and the repeat in it where the task repeats its runs. The repeats of
         one repetition share the sample of random factors: with these, it is the repetition alone.
         """
-        if self.random_factors:
-            return self.repetition
-        return self.repetition * self.repeats + self._integers("repeat")
+        repeat = 0 if self.random_factors else self._integers("repeat")
+        unit: Int[Array, " runs"] = self.repetition * self.repeats + repeat
+        return unit
 
     @cached_property
     def pairing(self) -> Int[Array, " runs"]:

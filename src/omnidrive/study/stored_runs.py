@@ -19,7 +19,8 @@ from omnidrive.components.fields import plain
 from omnidrive.control.supervision import Event
 from omnidrive.errors import CannotWrite, one_line
 from omnidrive.execution.versions import VERSIONS
-from omnidrive.scenario.jobs import Job, Result, evaluate, job_name
+from omnidrive.scenario.run_settings import RunSettings, run_name
+from omnidrive.scenario.run_simulation import Result, evaluate
 from omnidrive.scenario.planned_scenario import PlannedScenario
 from omnidrive.scenario.scenario_file import scenario_data
 from omnidrive.simulation import Outcome, Run
@@ -42,7 +43,9 @@ _UNREADABLE = (OSError, pa.ArrowException, KeyError, ValueError, TypeError)
 class StoredRuns:
     """Records of finished runs beside their logs, in a ``with`` statement."""
 
-    def __init__(self, folder: RunFolder, planned: PlannedScenario, jobs: Sequence[Job]) -> None:
+    def __init__(
+        self, folder: RunFolder, planned: PlannedScenario, jobs: Sequence[RunSettings]
+    ) -> None:
         """Open the store of a folder, or create it.
 
         Raises:
@@ -78,13 +81,13 @@ class StoredRuns:
             )
         self._store.begin(digest)
 
-    def finished(self) -> dict[Job, Result]:
+    def finished(self) -> dict[RunSettings, Result]:
         """Return the results of the runs that are stored with their logs."""
         texts = self._store.logs()
         found = {}
         for job, number in self._numbers.items():
             with suppress(*_UNREADABLE):  # such a run is executed again
-                name = job_name(self._planned, job)
+                name = run_name(self._planned.scenario, job)
                 path = self._folder.path / "series" / f"{name}.parquet"
                 run = _restored(pq.read_table(path), json.loads(texts[number]))
                 found[job] = evaluate(self._planned, job, run)
@@ -98,7 +101,7 @@ class StoredRuns:
         """
         note_file(self._store, self._folder.path / SCENARIO_FILE, self._plan)
 
-    def add(self, job: Job, result: Result) -> None:
+    def add(self, job: RunSettings, result: Result) -> None:
         """Store a finished run: first its log, then its record.
 
         Raises:
