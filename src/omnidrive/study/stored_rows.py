@@ -35,7 +35,7 @@ SCHEMA = f"""
 CREATE TABLE results (
     id INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, outcome TEXT NOT NULL,
     finished INTEGER NOT NULL, names TEXT NOT NULL, floats BLOB NOT NULL, detail TEXT NOT NULL,
-    log TEXT NOT NULL, checksum INTEGER NOT NULL
+    checksum INTEGER NOT NULL
 ) STRICT;
 CREATE TABLE runs (
     number INTEGER PRIMARY KEY, result INTEGER NOT NULL REFERENCES results (id),
@@ -56,7 +56,7 @@ PRAGMA application_id = {APPLICATION};
 PRAGMA user_version = {VERSION}
 """
 
-_RESULT = ("key", "outcome", "finished", "names", "floats", "detail", "log")
+_RESULT = ("key", "outcome", "finished", "names", "floats", "detail")
 _RUN = ("number", "pairing", "controller", "task", "duration", "variant", "repetition",
         "repeat", "factors")  # fmt: skip
 
@@ -139,13 +139,13 @@ def _row_checksum(*values: Any) -> int:
     return -1 if None in values else crc32(b"|".join(values))
 
 
-def result_row(record: RunRecord, log: str | None) -> tuple[Any, ...]:
+def result_row(record: RunRecord) -> tuple[Any, ...]:
     """Return the values of a result for :data:`INSERT_RESULT`."""
     floats = [nan if isnan(v) else v for v in (*record.metrics.values(), *record.timing.values())]
     return (
         record.key, record.outcome, int(record.finished),
         json.dumps([[*record.metrics], [*record.timing]]), pack(f"<{len(floats)}d", *floats),
-        record.detail, log or "",
+        record.detail,
     )  # fmt: skip
 
 
