@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omnidrive import visualization  # imports only the modules in use
 from omnidrive.choices import TaskName
 from omnidrive.control import Command, Controller, Status
 from omnidrive.control.components import ControllerContext
@@ -40,7 +41,6 @@ from omnidrive.simulation import (
     default_faults,
     simulate,
 )
-from omnidrive.visualization import Observer
 
 Result = TrackResult | StepResult | FaultResult
 """Result of one run."""
@@ -131,7 +131,9 @@ def job_name(planned: PlannedScenario, job: Job) -> str:
     return track_name(job.task, job.controller, job.duration, job.horizon, job.repeat)
 
 
-def run_job(planned: PlannedScenario, job: Job, observers: Sequence[Observer] = ()) -> Result:
+def run_job(
+    planned: PlannedScenario, job: Job, observers: Sequence[visualization.Observer] = ()
+) -> Result:
     """Simulate one run, during which the observers are called, and evaluate it.
 
     Raises:

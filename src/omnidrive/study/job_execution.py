@@ -6,13 +6,13 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from omnidrive import visualization  # imports only the modules in use
 from omnidrive.execution.engine import ListSource, Work, execute_blocks, must_be_in_process
 from omnidrive.execution.worker_pool import Lost
 from omnidrive.scenario.jobs import Job, Result, job_name, run_job, unfinished
 from omnidrive.scenario.planned_scenario import PlannedScenario
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.simulation import Outcome
-from omnidrive.visualization import Observer
 
 _COMPILE_TIMES = {
     "holonomic-nmpc": 16.0, "fuzzy_t1": 9.0, "unicycle-nmpc": 3.0, "fuzzy_t2": 2.0, "fuzzy_t3": 2.0,
@@ -24,7 +24,7 @@ def execute_jobs(
     planned: PlannedScenario,
     jobs: Sequence[Job],
     processes: int,
-    observers: Sequence[Observer] = (),
+    observers: Sequence[visualization.Observer] = (),
     *,
     run_timeout: float | None = None,
 ) -> Generator[tuple[Job, Result], None, None]:
@@ -62,7 +62,7 @@ def execute_jobs(
         yield from results
 
 
-def is_sequential(scenario: Scenario, observers: Sequence[Observer] = ()) -> bool:
+def is_sequential(scenario: Scenario, observers: Sequence[visualization.Observer] = ()) -> bool:
     """Return whether the runs must be executed in this process.
 
     That is so if there are observers, if the plant is exclusive, if a component was typed into a
@@ -95,7 +95,7 @@ class _Observed:
     """Function that executes runs in this process."""
 
     planned: PlannedScenario
-    observers: tuple[Observer, ...]
+    observers: tuple[visualization.Observer, ...]
 
     def __call__(self, jobs: Sequence[Job]) -> list[tuple[Job, Result]]:
         """Return runs and their results."""
