@@ -53,9 +53,10 @@ class RepetitionMeans:
     ) -> Float[Array, "repetitions columns"]:
         count = int(self.repetition.max()) + 1 if len(self.repetition) else 0
         known = np.isfinite(values)
-        sums, counts = np.zeros((count, values.shape[1])), np.zeros((count, values.shape[1]))
-        np.add.at(sums, self.repetition, np.where(known, values, 0.0))
-        np.add.at(counts, self.repetition, known)
+        sums, counts = np.empty((count, values.shape[1])), np.empty((count, values.shape[1]))
+        for k, column in enumerate(np.where(known, values, 0.0).T):
+            sums[:, k] = np.bincount(self.repetition, column, count)
+            counts[:, k] = np.bincount(self.repetition, known[:, k], count)
         with np.errstate(invalid="ignore"):
             means: Float[Array, "repetitions columns"] = sums / np.where(counts > 0, counts, np.nan)
         return means

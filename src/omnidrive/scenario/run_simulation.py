@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from omnidrive import visualization  # imports only the modules in use
 from omnidrive.control import Controller
 from omnidrive.errors import ComponentFailed
 from omnidrive.evaluation import FaultResult, StepResult, TrackResult, measure, step_response
@@ -24,14 +25,15 @@ from omnidrive.scenario.run_parts import (
 )
 from omnidrive.scenario.run_settings import RunSettings, fault_of, run_seed
 from omnidrive.simulation import KinematicPlant, Outcome, Plant, Run, Schedule, simulate
-from omnidrive.visualization import Observer
 
 Result = TrackResult | StepResult | FaultResult
 """Result of one run."""
 
 
 def simulate_run(
-    planned: PlannedScenario, settings: RunSettings, observers: Sequence[Observer] = ()
+    planned: PlannedScenario,
+    settings: RunSettings,
+    observers: Sequence[visualization.Observer] = (),
 ) -> Result:
     """Simulate one run, during which the observers are called, and evaluate it.
 

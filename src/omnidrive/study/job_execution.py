@@ -6,6 +6,7 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from omnidrive import visualization  # imports only the modules in use
 from omnidrive.execution.engine import ListSource, Work, execute_blocks, must_be_in_process
 from omnidrive.execution.worker_pool import Lost
 from omnidrive.scenario.planned_scenario import PlannedScenario
@@ -13,7 +14,6 @@ from omnidrive.scenario.run_settings import RunSettings, run_name
 from omnidrive.scenario.run_simulation import Result, simulate_run, unfinished
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.simulation import Outcome
-from omnidrive.visualization import Observer
 
 _COMPILE_TIMES = {
     "holonomic-nmpc": 16.0, "fuzzy_t1": 9.0, "unicycle-nmpc": 3.0, "fuzzy_t2": 2.0, "fuzzy_t3": 2.0,
@@ -25,7 +25,7 @@ def execute_jobs(
     planned: PlannedScenario,
     jobs: Sequence[RunSettings],
     processes: int,
-    observers: Sequence[Observer] = (),
+    observers: Sequence[visualization.Observer] = (),
     *,
     run_timeout: float | None = None,
 ) -> Generator[tuple[RunSettings, Result], None, None]:
@@ -63,7 +63,7 @@ def execute_jobs(
         yield from results
 
 
-def is_sequential(scenario: Scenario, observers: Sequence[Observer] = ()) -> bool:
+def is_sequential(scenario: Scenario, observers: Sequence[visualization.Observer] = ()) -> bool:
     """Return whether the runs must be executed in this process.
 
     That is so if there are observers, if the plant is exclusive, if a component was typed into a
@@ -96,7 +96,7 @@ class _Observed:
     """Function that executes runs in this process."""
 
     planned: PlannedScenario
-    observers: tuple[Observer, ...]
+    observers: tuple[visualization.Observer, ...]
 
     def __call__(self, jobs: Sequence[RunSettings]) -> list[tuple[RunSettings, Result]]:
         """Return runs and their results."""

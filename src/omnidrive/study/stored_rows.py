@@ -136,7 +136,10 @@ def add_functions(connection: sqlite3.Connection) -> None:
 
 def _row_checksum(*values: Any) -> int:
     """Return the checksum of the values of a row as bytes; -1, which none is, if one is NULL."""
-    return -1 if None in values else crc32(b"|".join(values))
+    try:
+        return crc32(b"|".join(values))
+    except TypeError:
+        return -1
 
 
 def result_row(record: RunRecord) -> tuple[Any, ...]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple, Protocol, runtime_checkable
 
+from omnidrive import visualization  # imports only the modules in use
 from omnidrive.compiled import announce_compiling
 from omnidrive.components import configure
 from omnidrive.control.controller import FALLS_BEHIND
@@ -40,7 +41,6 @@ from omnidrive.study.job_execution import execute_jobs, is_sequential
 from omnidrive.study.output_paths import REPORT_FILE, check_new_folder, check_study_folder
 from omnidrive.study.setup_facts import controller_types
 from omnidrive.study.stored_runs import StoredRuns
-from omnidrive.visualization import Observer
 
 _MAX_TABLES = 2  # in notebooks
 
@@ -126,7 +126,7 @@ def run_study(
     *,
     processes: int = 1,
     progress: ProgressListener | None = None,
-    observers: Sequence[Observer] = (),
+    observers: Sequence[visualization.Observer] = (),
     run_timeout: float | None = None,
     numbered: bool = False,
     figures: Sequence[str] = ("svg", "pdf"),
@@ -205,7 +205,7 @@ def _tables(scenario: Scenario, results: StudyResults) -> list[Table]:
 
 
 def _check_run_timeout(
-    scenario: Scenario, observers: Sequence[Observer], run_timeout: float | None
+    scenario: Scenario, observers: Sequence[visualization.Observer], run_timeout: float | None
 ) -> None:
     """Raise InvalidInput unless the runs can have the time limit, if there is one."""
     if run_timeout is None:
