@@ -88,6 +88,7 @@ def test_search_improves_held_out_runs_and_resumes(finished, monkeypatch):
     assert gain.after < gain.before
     assert progress[-1][:3] == ("held-out runs", 2, 2)
     assert progress[0][:3] == ("trials", 1, 10)
+    assert all(done <= total for stage, done, total, _ in progress if stage == "trials")
 
     files = {path.name for path in write_tuning(result)}
     assert files == {"parameters.yaml", "trials.csv", "trials.svg", "report.html"}

@@ -15,6 +15,9 @@ _BINS = 8  # of a factor with more different values
 _RESAMPLES = 400
 _SEED = 19_930_101
 
+MIN_REPETITIONS = 10
+"""Fewer repetitions have no intervals of the shares."""
+
 CONTROLLER = "controller"
 """Name of the choice of the controller among the factors."""
 
@@ -107,7 +110,7 @@ class _Sample(NamedTuple):
             for weights in (None, self.y, self.y**2)
         )
         share = float(_corrected(np.ones((1, shape[0])), counts, sums, squares, is_random)[0])
-        if shape[0] < 10:
+        if shape[0] < MIN_REPETITIONS:
             return share, nan, nan
         rng = np.random.default_rng([_SEED, shape[0]])
         draws = rng.integers(0, shape[0], (_RESAMPLES, shape[0]))
