@@ -82,11 +82,7 @@ def drive(
         out or default_folder(f"{scenario.name}-{label}-drive"), numbered=out is None
     )
     controls = DriveControls(arm=arm)
-    with (
-        _keys(controls, armed=arm),
-        _shown_states(controls, keys=not arm or os.isatty(0)),
-        _emptied_unless_begun(folder, remove=out is None),
-    ):
+    with _keys(controls, armed=arm), _emptied_unless_begun(folder, remove=out is None):
         planned, result = _drive(planned, controls, chosen, folder, cpu=cpu)
     _print(result)
     if result.ran:
@@ -207,7 +203,8 @@ def _keys(controls: DriveControls, *, armed: bool) -> Iterator[None]:
 
     if not armed or os.isatty(0):
         threading.Thread(target=listen, daemon=True).start()
-    yield
+    with _shown_states(controls, keys=not armed or os.isatty(0)):
+        yield
 
 
 @contextmanager
