@@ -223,6 +223,16 @@ def test_bad_settings_are_refused(tmp_path, content, message):
         load_tuning(tmp_path)
 
 
+def test_many_bad_ranges_are_named_in_part(tmp_path):
+    ranges = ", ".join(f"{k}: x" for k in range(500))
+    (tmp_path / "tuning.yaml").write_text(
+        f"format: omnidrive-tuning-1\ncontroller: slow\nranges: {{{ranges}}}"
+    )
+    with pytest.raises(InvalidInput, match=r"ranges.*; and \d+ more") as caught:
+        load_tuning(tmp_path)
+    assert len(str(caught.value)) < 2000
+
+
 @pytest.mark.parametrize("plant", ["kinematic", "planar"])
 def test_sets_share_neither_seeds_nor_references_nor_robots(plant):
     for changes in ({}, {"tasks": {"track": {"durations": [4.0]}, "step": {
