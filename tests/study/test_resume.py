@@ -11,7 +11,7 @@ from omnidrive.scenario.run_simulation import simulate_run
 from omnidrive.scenario.tasks import DurationsTask, NoiseTask, StepTask, Tasks
 from omnidrive.study import run_study
 from omnidrive.study.output_paths import check_study_folder
-from omnidrive.study.study import NullProgress
+from omnidrive.study.progress import NullProgress
 from tests.study.small import small_scenario
 
 SHORT = small_scenario(
@@ -41,28 +41,27 @@ def executed(monkeypatch):
     """Return a list to which the runs are added that are executed."""
     found = []
 
-    def noted(planned, job, observers=()):
-        found.append(job.task)
-        return simulate_run(planned, job, observers)
+    def noted(planned, settings, observers=()):
+        found.append(settings.task)
+        return simulate_run(planned, settings, observers)
 
-    monkeypatch.setattr("omnidrive.study.job_execution.simulate_run", noted)
+    monkeypatch.setattr("omnidrive.study.block_runner.simulate_run", noted)
     return found
 
 
-def test_second_process_on_one_folder_is_refused(tmp_path, monkeypatch):
-    """The first one goes on."""
-    refused = []
+def test_second_call_on_one_folder_shares_the_runs(tmp_path, monkeypatch):
+    seen, others = executed(monkeypatch), []
 
     class Second(NullProgress):
         def done(self, what):
-            if not refused:
-                refused.append(None)
-                with pytest.raises(CannotWrite, match="is in use: process"):
-                    run_study(SHORT, tmp_path / "s")
+            if not others:
+                others.append(None)
+                others.append(run_study(SHORT, tmp_path / "s", figures=()))
 
-    study = run_study(SHORT, tmp_path / "s", progress=Second())
-    assert refused
-    assert len(study.results.runs) == len(settings_of_runs(SHORT))
+    study = run_study(SHORT, tmp_path / "s", progress=Second(), figures=())
+    count = len(settings_of_runs(SHORT))
+    assert len(study.results.runs) == len(others[1].results.runs) == count
+    assert len(seen) == count
 
 
 def without_times(value):

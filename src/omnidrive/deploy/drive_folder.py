@@ -13,7 +13,7 @@ from omnidrive.scenario.run_settings import settings_of_runs
 from omnidrive.scenario.run_simulation import evaluate
 from omnidrive.study.folder import RunFolder
 from omnidrive.study.output_paths import REPORT_FILE
-from omnidrive.study.study import collect_results
+from omnidrive.study.scenario_execution import collect_results
 
 _ESTIMATED = (
     "The true pose of a robot is not known: poses, speeds and errors are those of the estimate."
