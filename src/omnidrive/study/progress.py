@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from time import perf_counter
 from typing import Protocol, runtime_checkable
 
 
@@ -26,3 +30,19 @@ class NullProgress:
 
     def done(self, what: str) -> None:
         """Do nothing."""
+
+
+@dataclass(slots=True)
+class Stopwatch:
+    """Stopwatch of the parts of a study, which also notifies a listener."""
+
+    progress: ProgressListener
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def part(self, name: str, steps: int) -> Iterator[None]:
+        """Notify the listener of a part and measure the wall time of the block."""
+        self.progress.part(name, steps)
+        began = perf_counter()
+        yield
+        self.seconds[name] = round(perf_counter() - began, 3)

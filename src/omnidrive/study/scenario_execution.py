@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 
 from omnidrive import visualization  # imports only the modules in use
-from omnidrive.errors import CannotWrite, InvalidInput, InvalidLog, OmnidriveError, one_line
+from omnidrive.errors import CannotWrite, InvalidInput, InvalidLog, one_line
 from omnidrive.evaluation import FaultResult, StepResult, StudyResults, TrackResult
 from omnidrive.scenario.planned_scenario import PlannedScenario
-from omnidrive.scenario.run_settings import RunSettings, run_name, settings_of_runs
+from omnidrive.scenario.run_settings import RunSettings, settings_of_runs
 from omnidrive.scenario.run_simulation import Result, evaluate, unfinished
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.simulation import Outcome
@@ -17,6 +16,7 @@ from omnidrive.simulation.log_file import load_run
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.experiment import Experiment
 from omnidrive.study.folder import RunFolder
+from omnidrive.study.progress import Stopwatch
 from omnidrive.study.run_experiment import NumberedRuns, is_sequential, series_file
 from omnidrive.study.run_key import plan_digest
 from omnidrive.study.run_plan import RunPlan, starting_order
@@ -33,8 +33,9 @@ class ScenarioExecution:
     Args:
         planned: The planned scenario.
         folder: The folder.
-        done: Called with the name of each run when it is finished, and of each that is stored.
+        clock: Stopwatch whose listener is notified of each run that is finished or was stored.
         observers: Observers of every run; with observers, the runs are sequential.
+        is_kept: Whether results.json is written after each run.
 
     Attributes:
         plan: The runs.
@@ -44,61 +45,59 @@ class ScenarioExecution:
         self,
         planned: PlannedScenario,
         folder: RunFolder,
-        done: Callable[[str], None],
+        clock: Stopwatch,
         observers: Sequence[visualization.Observer] = (),
+        *,
+        is_kept: bool = True,
     ) -> None:
-        self._planned, self._folder, self._done = planned, folder, done
-        self._observers, self._is_begun = observers, False
+        self._planned, self._folder, self._clock = planned, folder, clock
+        self._observers, self._is_kept = observers, is_kept
         self._definition = StudyDefinition.from_scenario(planned.scenario, series="all")
         self.plan = RunPlan(self._definition)
+        self._digest = plan_digest(self.plan.keys(0, len(self.plan)))
+        self._finished: dict[RunSettings, Result] = {}
 
-    def execute(self, processes: int, run_timeout: float | None) -> None:
-        """Compute the runs that are not stored.
+    def execute(self, processes: int, run_timeout: float | None) -> StudyResults:
+        """Compute the runs that are not stored, and return all results in the order of the plan.
 
         Raises:
+            InvalidInput: Parts of a run could not be made; it is computed again by the next call.
             OmnidriveError: See :func:`~omnidrive.study.run_study`.
         """
-        folder, scenario, plan = self._folder.path, self._planned.scenario, self.plan
+        folder, plan = self._folder.path, self.plan
         compute = NumberedRuns(
             self._definition, folder / "series", self._planned, tuple(self._observers)
         )
-        experiment = Experiment(
-            plan, compute, folder, plan_digest(plan.keys(0, len(plan))),
-            prepare=self._prepare, order=starting_order(plan),
-        )  # fmt: skip
-        here = run_timeout is None and is_sequential(scenario, self._observers)
-        try:
-            experiment.execute(
-                min(processes, len(plan)),
-                report=lambda progress: self._tell(progress.latest),
-                time_limit=run_timeout,
-                in_process=here or None,
-            )
-        except BaseException:
-            if self._is_begun:
-                with suppress(OmnidriveError):
-                    self._folder.save_results(self._planned, self.results(), {})
-            raise
+        here = run_timeout is None and is_sequential(self._planned.scenario, self._observers)
+        Experiment(
+            plan, compute, folder, self._digest, prepare=self._prepare, order=starting_order(plan)
+        ).execute(
+            min(processes, len(plan)),
+            report=lambda progress: self._add(progress.latest),
+            time_limit=run_timeout,
+            in_process=here or None,
+        )
+        with Store(folder) as store:  # of another process, too
+            stored = self._stored(store)
+            refused = {n: each for n, each in stored.items() if each.outcome == REFUSED}
+            store.forget(refused)
+        if refused:
+            raise InvalidInput(next(iter(refused.values())).detail)
+        self._add([e for n, e in stored.items() if plan[n].settings not in self._finished])
+        return self._results()
 
     def _prepare(self, store: Store) -> None:
         """Check that the store is new or of these runs; write inputs; forget runs without a log."""
-        if store.fact("definition") not in {None, plan_digest(self.plan.keys(0, len(self.plan)))}:
+        if store.fact("definition") not in {None, self._digest}:
             raise CannotWrite(
                 f"{one_line(str(self._folder.path))} holds the runs of another study, of other "
                 "versions or of other code; choose a new folder with --out"
             )
-        self._is_begun = True
         self._folder.save_inputs(self._planned)
         note_file(store, self._folder.path / SCENARIO_FILE, self.plan)
         stored = self._stored(store)
-        store.forget(n for n, record in stored.items() if self._result(record) is None)
-        self._tell([record for record in stored.values() if self._result(record) is not None])
-
-    def _tell(self, records: Sequence[RunRecord]) -> None:
-        """Notify the listener of finished runs."""
-        for record in records:
-            run = self.plan[record.number]
-            self._done(run_name(run.scenario, run.settings))
+        self._add(list(stored.values()))
+        store.forget(n for n in stored if self.plan[n].settings not in self._finished)
 
     def _stored(self, store: Store) -> dict[int, RunRecord]:
         """Return the stored records by number."""
@@ -109,6 +108,15 @@ class ScenarioExecution:
             for n, key in keys.items()
             if n in numbers and key in found
         }
+
+    def _add(self, records: Sequence[RunRecord]) -> None:
+        """Add the results of stored runs whose logs can be read; write them, and tell the names."""
+        results = {r.number: each for r in records if (each := self._result(r)) is not None}
+        self._finished |= {self.plan[n].settings: each for n, each in results.items()}
+        if results and self._is_kept:
+            self._folder.save_results(self._planned, self._results(), self._clock.seconds)
+        for each in results.values():
+            self._clock.progress.done(each.name)
 
     def _result(self, record: RunRecord) -> Result | None:
         """Return the result of a stored run; None: its log cannot be read, or it was refused."""
@@ -126,21 +134,9 @@ class ScenarioExecution:
             return None
         return evaluate(self._planned, settings, run)
 
-    def results(self) -> StudyResults:
-        """Return the results of the stored runs, in the order of the plan.
-
-        Raises:
-            InvalidInput: Parts of a run could not be made; it is computed again by the next call.
-        """
-        with Store(self._folder.path) as store:
-            stored = self._stored(store)
-            refused = {n: each for n, each in stored.items() if each.outcome == REFUSED}
-            if refused:
-                store.forget(refused)
-                raise InvalidInput(next(iter(refused.values())).detail)
-        every = {n: self._result(record) for n, record in stored.items()}
-        finished = {self.plan[n].settings: each for n, each in every.items() if each is not None}
-        return collect_results(self._planned, settings_of_runs(self._planned.scenario), finished)
+    def _results(self) -> StudyResults:
+        order = settings_of_runs(self._planned.scenario)
+        return collect_results(self._planned, order, self._finished)
 
 
 def collect_results(

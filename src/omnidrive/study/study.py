@@ -5,10 +5,9 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
 
 from omnidrive import visualization  # imports only the modules in use
 from omnidrive.compiled import announce_compiling
@@ -36,7 +35,7 @@ from omnidrive.simulation import Outcome
 from omnidrive.simulation.run_log import RUN_LOGGER
 from omnidrive.study.folder import RunFolder
 from omnidrive.study.output_paths import REPORT_FILE, check_study_folder
-from omnidrive.study.progress import NullProgress, ProgressListener
+from omnidrive.study.progress import NullProgress, ProgressListener, Stopwatch
 from omnidrive.study.run_experiment import is_sequential
 from omnidrive.study.scenario_execution import ScenarioExecution
 
@@ -131,7 +130,7 @@ def run_study(
         WorkerLost: Worker processes end while they start; results written before are kept.
     """
     _check_run_timeout(scenario, observers, run_timeout)
-    clock, is_kept = _Clock(progress or NullProgress()), folder is not None
+    clock, is_kept = Stopwatch(progress or NullProgress()), folder is not None
     with ExitStack() as stack:
         if folder is None:
             folder = stack.enter_context(TemporaryDirectory(prefix="omnidrive-"))
@@ -140,10 +139,9 @@ def run_study(
         with clock.part("plan", 0):
             planned = plan_and_check(scenario)
         store = RunFolder(folder, numbered=numbered)
-        execution = ScenarioExecution(planned, store, clock.progress.done, observers)
+        execution = ScenarioExecution(planned, store, clock, observers, is_kept=is_kept)
         with clock.part("simulate", len(execution.plan)), _limits_in_the_verdict(scenario):
-            execution.execute(processes, run_timeout)
-        results = execution.results()
+            results = execution.execute(processes, run_timeout)
         tables = study_tables(results, published=_is_published_study(scenario))
         if is_kept:
             _report(store, results, tables, clock, figures)
@@ -183,27 +181,11 @@ def _check_run_timeout(
         )
 
 
-@dataclass(slots=True)
-class _Clock:
-    """Stopwatch of the parts of a study, which also notifies a listener."""
-
-    progress: ProgressListener
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def part(self, name: str, steps: int) -> Iterator[None]:
-        """Notify the listener of a part and measure the wall time of the block."""
-        self.progress.part(name, steps)
-        began = perf_counter()
-        yield
-        self.seconds[name] = round(perf_counter() - began, 3)
-
-
 def _report(
     store: RunFolder,
     results: StudyResults,
     tables: Sequence[Table],
-    clock: _Clock,
+    clock: Stopwatch,
     figures: Sequence[str],
 ) -> None:
     """Write figures, tables and the page, each as a part of the study."""
