@@ -302,7 +302,6 @@ def _store(path):
     read_study(path.parent)
     with Store(path.parent, read_only=True) as store:
         store.status()
-        store.logs()
 
 
 def _studies(folder):

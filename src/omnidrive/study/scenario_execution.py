@@ -12,7 +12,7 @@ from omnidrive.scenario.run_settings import RunSettings, settings_of_runs
 from omnidrive.scenario.run_simulation import Result, evaluate, unfinished
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.simulation import Outcome
-from omnidrive.simulation.log_file import load_run
+from omnidrive.simulation.saved_run import load_run
 from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.experiment import Experiment
 from omnidrive.study.folder import RunFolder
