@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from omnidrive.errors import CannotWrite
+from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.scenario import load_scenario
 from omnidrive.scenario.run_settings import settings_of_runs
 from omnidrive.scenario.run_simulation import simulate_run
@@ -12,6 +12,7 @@ from omnidrive.scenario.tasks import DurationsTask, NoiseTask, StepTask, Tasks
 from omnidrive.study import run_study
 from omnidrive.study.output_paths import check_study_folder
 from omnidrive.study.progress import NullProgress
+from omnidrive.study.study import _check_scenario
 from tests.study.small import small_scenario
 
 SHORT = small_scenario(
@@ -124,3 +125,10 @@ def test_finished_study_is_not_continued(tmp_path):
     run_study(SHORT, tmp_path / "a")
     with pytest.raises(CannotWrite, match="is not empty; choose a new folder with --out"):
         run_study(SHORT, tmp_path / "a")
+
+
+def test_a_scenario_is_needed_and_a_study_is_shown_in_one_line():
+    with pytest.raises(InvalidInput, match=r"the scenario is 'a\.yaml', need a Scenario"):
+        _check_scenario("a.yaml")
+    study = run_study(SHORT)
+    assert repr(study) == f"<Study {study.results.title!r}: 4 runs, folder 'None'>"

@@ -13,10 +13,7 @@ from omnidrive import visualization  # imports only the modules in use
 from omnidrive.compiled import announce_compiling
 from omnidrive.components import configure
 from omnidrive.control.controller import FALLS_BEHIND
-from omnidrive.errors import (
-    InvalidInput,
-    RunFailed,
-)
+from omnidrive.errors import InvalidInput, RunFailed, short_repr
 from omnidrive.evaluation import (
     StudyResults,
     Table,
@@ -42,7 +39,7 @@ from omnidrive.study.scenario_execution import ScenarioExecution
 _MAX_TABLES = 2  # in notebooks
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, repr=False, slots=True)
 class Study:
     """A finished study.
 
@@ -76,6 +73,10 @@ class Study:
             facts = (f"{r.name} at {r.run.t[-1]:g} s ({r.run.ending})" for r in failed)
             raise RunFailed(f"stopped early: {'; '.join(facts)}")
         return self
+
+    def __repr__(self) -> str:
+        count = len(self.results.runs) + len(self.results.faults)
+        return f"<Study {self.results.title!r}: {count} runs, folder {str(self.folder)!r}>"
 
     def _repr_html_(self) -> str:
         """Return verdict, failed runs and main tables for notebooks."""
@@ -129,6 +130,7 @@ def run_study(
         CannotWrite: The folder holds another study, or cannot be written.
         WorkerLost: Worker processes end while they start; results written before are kept.
     """
+    _check_scenario(scenario)
     _check_run_timeout(scenario, observers, run_timeout)
     clock, is_kept = Stopwatch(progress or NullProgress()), folder is not None
     with ExitStack() as stack:
@@ -164,6 +166,15 @@ def _limits_in_the_verdict(scenario: Scenario) -> Iterator[None]:
         yield
     finally:
         logger.removeFilter(is_other)
+
+
+def _check_scenario(scenario: object) -> None:
+    """Raise InvalidInput if a scenario is another object, such as the name of a file."""
+    if not isinstance(scenario, Scenario):
+        raise InvalidInput(
+            f"the scenario is {short_repr(scenario)}, need a Scenario: paper_scenario(), or "
+            "load_scenario(FILE)"
+        )
 
 
 def _check_run_timeout(
