@@ -69,7 +69,7 @@ def run_block(
 
 
 def _record(
-    run: PlannedRun, observers: Sequence[visualization.Observer]
+    run: PlannedRun, observers: Sequence[visualization.Observer] = ()
 ) -> tuple[RunRecord, Run | None]:
     """Return the record and the log of a run; no log of one that cannot be simulated.
 
