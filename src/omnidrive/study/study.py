@@ -23,7 +23,7 @@ from omnidrive.evaluation import (
     write_tables,
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
-from omnidrive.files.str_path import StrPath
+from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.notebook import facts_html, table_html
 from omnidrive.parameter import Bounds, check_number
 from omnidrive.scenario.planned_scenario import plan_and_check
@@ -130,17 +130,18 @@ def run_study(
         CannotWrite: The folder holds another study, or cannot be written.
         WorkerLost: Worker processes end while they start; results written before are kept.
     """
+    path, is_kept = to_path(folder or "."), folder is not None
     _check_scenario(scenario)
     _check_run_timeout(scenario, observers, run_timeout)
-    clock, is_kept = Stopwatch(progress or NullProgress()), folder is not None
+    clock = Stopwatch(progress or NullProgress())
     with ExitStack() as stack:
-        if folder is None:
-            folder = stack.enter_context(TemporaryDirectory(prefix="omnidrive-"))
+        if not is_kept:
+            path = Path(stack.enter_context(TemporaryDirectory(prefix="omnidrive-")))
         elif not numbered:
-            check_study_folder(folder)
+            check_study_folder(path)
         with clock.part("plan", 0):
             planned = plan_and_check(scenario)
-        store = RunFolder(folder, numbered=numbered)
+        store = RunFolder(path, numbered=numbered)
         execution = ScenarioExecution(planned, store, clock, observers, is_kept=is_kept)
         with clock.part("simulate", len(execution.plan)), _limits_in_the_verdict(scenario):
             results = execution.execute(processes, run_timeout)
