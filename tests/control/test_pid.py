@@ -20,6 +20,7 @@ from omnidrive.control.pid import (
     fuzzy_pid,
     no_tuning,
 )
+from omnidrive.control.pid.channel import TuningRecord
 from omnidrive.control.pid.laws import (
     Gains,
     SelfTuningState,
@@ -616,6 +617,66 @@ class TestTrackingLaw:
             WorldTwist(0.0, 0.0, 0.0), (0.0,) * 3, (3.0, 4.0, -9.0), (0.2, 0.1), (2.0, 1.0), DT
         )
         assert led == pytest.approx((0.2 * 2.0 * 0.6, 0.2 * 2.0 * 0.8, -0.1))
+
+
+def nothing_tuned(error, change):
+    return 0.0, 0.0, 0.0
+
+
+class Proportional:
+    """A channel of a user, with memory."""
+
+    parameters = SelfTuningParameters()
+
+    def __init__(self):
+        self.samples = 0
+
+    def reset(self):
+        self.samples = 0
+
+    def step(self, error, magnitude):
+        self.samples += 1
+        return 2.0 * error, TuningRecord(2.0, 0.0, 0.0, float(self.samples), 0.0)
+
+
+def commands(controller):
+    return run_on(controller, Circle(), Pose(0.1, -1.2, 0.1)).command.tobytes()
+
+
+class TestPartsOfTheUser:
+    """Python executes the law that is compiled for tuners of this package."""
+
+    def test_tuner_gives_the_commands_of_the_same_tuner_of_the_package(self):
+        own = tracking_pid(TrackingParameters(kd=0.1), tune=nothing_tuned)
+        assert own.compiled_law() is None
+        assert commands(own) == commands(tracking_pid(TrackingParameters(kd=0.1)))
+
+    @pytest.mark.parametrize("preset", ["paper", "published-code"])
+    def test_tuner_of_a_waypoint_controller(self, preset):
+        ours = classical_pid(preset, DT)
+        channels = (replace(each, tune=nothing_tuned) for each in (ours.position, ours.heading))
+        own = FuzzyPidController(DT, *channels, ours.wraps_heading)
+        assert own.compiled_law() is None
+        assert commands(own) == commands(ours)
+
+    def test_channel_is_called_in_every_sample_and_reset(self):
+        heading = classical_pid("paper", DT).heading
+        controller = FuzzyPidController(DT, Proportional(), heading, wraps_heading=True)
+        assert controller.compiled_law() is None
+        for _ in range(2):
+            twist = first_command(controller, Pose(0.0, 0.0, 0.0), Pose(1.0, -2.0, 0.0))
+            assert twist == (2.0, -4.0, 0.0)
+            assert controller.position.samples == 1
+
+    @pytest.mark.parametrize("tune", [no_tuning, nothing_tuned])
+    def test_copy_keeps_the_memory(self, tune):
+        controller = tracking_pid(TrackingParameters(), tune=tune)
+        start = State(0.0, Pose(0.1, -1.2, 0.1))
+        controller.reset(start)
+        controller.step(0.0, start, Circle())
+        copy = pickle.loads(pickle.dumps(controller))
+        later = State(DT, Pose(0.15, -1.2, 0.1))
+        assert copy.step(DT, later, Circle()) == controller.step(DT, later, Circle())
 
 
 class TestClassical:

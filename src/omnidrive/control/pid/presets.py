@@ -8,10 +8,7 @@ from omnidrive.control.pid.channel import (
     MemorylessChannel,
     SelfTuningChannel,
     TrackingChannel,
-    Tuner,
-    no_tuning,
 )
-from omnidrive.control.pid.controller import FuzzyPidController, TrackingPidController
 from omnidrive.control.pid.laws import (
     MemorylessParameters,
     SelfTuningParameters,
@@ -25,7 +22,9 @@ from omnidrive.control.pid.options import (
     PidOptions,
     system_preset,
 )
-from omnidrive.control.pid.tuners import Kind, fuzzy_tuner
+from omnidrive.control.pid.tracking_controller import TrackingPidController
+from omnidrive.control.pid.tuners import Kind, Tuner, fuzzy_tuner, no_tuning
+from omnidrive.control.pid.waypoint_controller import FuzzyPidController
 from omnidrive.parameter import check_choice, check_sample_time
 from omnidrive.robot import Robot
 
