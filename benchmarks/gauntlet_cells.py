@@ -28,8 +28,9 @@ from omnidrive.evaluation.metrics import heading_error, position_error
 from omnidrive.geometry import Pose
 from omnidrive.robot import ROBOTS
 from omnidrive.scenario import paper_scenario
-from omnidrive.scenario.jobs import Job, jobs_of, run_job
 from omnidrive.scenario.planned_scenario import plan_and_check
+from omnidrive.scenario.run_settings import RunSettings, settings_of_runs
+from omnidrive.scenario.run_simulation import simulate_run
 from omnidrive.scenario.scenario import DEFAULT_CONTROLLERS
 from omnidrive.simulation import FAULTS, Outcome, Run, Schedule, simulate
 
@@ -156,8 +157,8 @@ class Grid:
             cell
             for plant in plants
             for preset in (("paper", "recommended") if part == "study" else ("recommended",))
-            for cell, job in study_jobs(part, plant, preset).items()
-            if not faults or job.fault in faults
+            for cell, settings in study_runs(part, plant, preset).items()
+            if not faults or settings.fault in faults
         ]
         return [cell for cell in cells if cell.controller in self.controllers]
 
@@ -181,16 +182,24 @@ def planned_study(part: str, plant: str, preset: str):
 
 
 @cache
-def study_jobs(part: str, plant: str, preset: str) -> dict[Cell, Job]:
+def study_runs(part: str, plant: str, preset: str) -> dict[Cell, RunSettings]:
     """Return the runs of the paper's study by their cells."""
-    jobs = {}
-    for job in jobs_of(study_scenario(part, plant, preset)):
-        horizon = f" N={job.horizon}" if job.task == "horizon" else ""
-        reference = f"{job.task} {job.duration:g} s{horizon}"
-        case = preset if part != "faults" else FAULT_KINDS[job.fault - 1] if job.fault else "none"
-        cell = Cell(part, "paper", STUDY_DT, plant, case, reference, job.repeat, job.controller)
-        jobs[cell] = job
-    return jobs
+    runs = {}
+    for settings in settings_of_runs(study_scenario(part, plant, preset)):
+        horizon = f" N={settings.horizon}" if settings.task == "horizon" else ""
+        reference = f"{settings.task} {settings.duration:g} s{horizon}"
+        case = (
+            preset
+            if part != "faults"
+            else FAULT_KINDS[settings.fault - 1]
+            if settings.fault
+            else "none"
+        )
+        cell = Cell(
+            part, "paper", STUDY_DT, plant, case, reference, settings.repeat, settings.controller
+        )
+        runs[cell] = settings
+    return runs
 
 
 def run_cell(cell: Cell) -> Figures:
@@ -208,8 +217,10 @@ def run_cell(cell: Cell) -> Figures:
 def figures_of(cell: Cell) -> Figures:
     preset = cell.case if cell.part == "study" else "recommended"
     if cell.part in ("noise", "study") or cell.reference not in SHAPES | STEPS | {IMPOSSIBLE: 0}:
-        job = study_jobs(cell.part, cell.plant, preset)[cell]
-        return study_figures(run_job(planned_study(cell.part, cell.plant, preset), job).run, job)
+        settings = study_runs(cell.part, cell.plant, preset)[cell]
+        return study_figures(
+            simulate_run(planned_study(cell.part, cell.plant, preset), settings).run, settings
+        )
     return FIGURES[cell.part](cell, simulated(cell))
 
 
@@ -306,10 +317,10 @@ def impossible_figures(cell: Cell, run: Run) -> Figures:
     )
 
 
-def study_figures(run: Run, job: Job) -> Figures:
-    if job.task == "step":
+def study_figures(run: Run, settings: RunSettings) -> Figures:
+    if settings.task == "step":
         return responses(run, Pose(*run.pose[0].tolist()), Pose(*run.target[0].tolist()))
-    return errors(run, run.t >= (5.0 if job.task == "faults" else 0.0))
+    return errors(run, run.t >= (5.0 if settings.task == "faults" else 0.0))
 
 
 FIGURES = {

@@ -40,7 +40,7 @@ controller.step(0.0, state, Hold(Pose(1.0, 1.0, 1.0), 1.0))
 """
 FIRST_STEPS = """
 import json
-from omnidrive.scenario.jobs import make_controller
+from omnidrive.scenario.run_parts import make_controller
 from omnidrive.scenario.planned_scenario import plan_scenario
 from omnidrive.scenario.scenario import paper_scenario
 from omnidrive.estimation import State

@@ -13,7 +13,7 @@ from time import perf_counter, process_time
 from figures import at_least, at_most, publish, row
 
 from omnidrive.scenario import paper_scenario
-from omnidrive.scenario.jobs import Job
+from omnidrive.scenario.run_settings import RunSettings
 from omnidrive.scenario.scenario_file import scenario_data
 from omnidrive.scenario.tasks import NoiseTask, Tasks
 from omnidrive.study import parse_definition, run_experiment
@@ -41,7 +41,9 @@ class Spin:
 
     def __getitem__(self, number: int) -> PlannedRun:
         (key,) = self.keys(number, number + 1)
-        return PlannedRun(number, key, number, {}, paper_scenario(), Job("noise", "pid", 30.0))
+        return PlannedRun(
+            number, key, number, {}, paper_scenario(), RunSettings("noise", "pid", 30.0)
+        )
 
     def __call__(self, numbers: Sequence[int]) -> list[RunRecord]:
         return [self.record(number) for number in numbers]

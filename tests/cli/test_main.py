@@ -46,6 +46,16 @@ def test_help_of_no_verb_imports_heavy_packages():
     assert all(verb in done.stdout for verb in VERBS)
 
 
+def test_report_of_a_study_imports_no_physics_engine():
+    code = (
+        "import sys, omnidrive.cli.progress, omnidrive.study.stored_study; "
+        "print('mujoco' in sys.modules)"
+    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+    assert done.stdout == "False\n"
+
+
 @pytest.mark.parametrize("closed", ["2>&-", ">&- 2>&1", "<&- >&- 2>&-"])
 def test_closed_streams_do_not_change_the_status(closed):
     """The shell closes a standard stream of the command."""

@@ -25,6 +25,7 @@ from omnidrive.deploy.robot_link import LinkLost, RobotLink
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import EncoderSettings, PoseEstimator, SensorSettings
 from omnidrive.geometry import BodyTwist
+from omnidrive.reference.reference import WindowReference
 from omnidrive.simulation import SensorSuite
 from tests.deploy.simulated_drive import DT, ROBOT, START, circle, controller, driven, link
 
@@ -225,6 +226,24 @@ def test_remaining_reference_begins_at_rest_and_ends_alike():
     for t in (0.3, 0.7, 0.9999, 1.5, 3.0):
         rows = rest.window(t - h, 3, h)
         np.testing.assert_allclose((rows[2, :3] - rows[0, :3]) / (2 * h), rows[1, 3:], atol=1e-4)
+
+
+def test_remaining_reference_reads_the_reference_singly_only_while_it_eases():
+    """The whole rest is read when a robot is armed again, between two samples."""
+    whole, calls = circle(), []
+
+    class Counted(WindowReference):
+        duration = whole.duration
+
+        def window(self, t, n, dt):
+            calls.append(n)
+            return whole.window(t, n, dt)
+
+    rows = RemainingReference(Counted(), 2.0).window(0.0, 200, 0.02)
+    assert sorted(calls) == [1] * 50 + [150]
+    rest = RemainingReference(whole, 2.0)
+    singly = [rest.window(0.02 * k, 1, 0.0)[0] for k in range(200)]
+    np.testing.assert_allclose(rows, singly, rtol=0.0, atol=1e-12)
 
 
 def test_states_follow_their_order():

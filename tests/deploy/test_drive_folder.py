@@ -1,6 +1,7 @@
 """Run folder, report and notebook representation of a drive; one drive for all tests."""
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from omnidrive import FeedforwardController, KinematicPlant, PerfectSensors, study
 from omnidrive import scenario as scenarios
 from omnidrive.cli.components import one_run
+from omnidrive.cli.drive import _shown_states
 from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.control import Pipeline
 from omnidrive.deploy import drive_folder
@@ -119,6 +121,26 @@ def test_notebooks_show_drive_and_run(result, planned):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(
+    ("keys", "way"),
+    [
+        (True, "press a and Enter to arm the robot again, Enter to stop it"),
+        (False, "it cannot be armed again; Ctrl-C ends"),
+    ],
+)
+def test_a_hold_is_shown_at_once_with_how_it_ends(keys, way, capsys):
+    controls, text = DriveControls(), ""
+    with _shown_states(controls, keys=keys):
+        for name, value in (("tracked", ()), ("held", "no readings"), ("held", None)):
+            setattr(controls, name, value)
+            lines, end = text.count("\n"), time.monotonic() + 30.0
+            while text.count("\n") == lines and time.monotonic() < end:
+                time.sleep(0.01)
+                text += capsys.readouterr().out
+    drives = "the controller drives the robot"
+    assert text.splitlines() == [drives, f"held: {way}", drives]
+
+
 def test_log_of_a_drive_names_its_components(tmp_path):
     words = ["drive", "--reference", "circle,radius=0.5", "--robot", "small", "--estimator"]
     done = omnidrive(*words, "--duration", "3", "--arm", "--out", "folder", cwd=tmp_path)

@@ -43,10 +43,18 @@ def synthetic_table(
                     rows.append({
                         "number": len(rows), "key": f"{len(rows):064x}", "pairing": pairing,
                         "controller": name, "task": task, "duration": duration,
-                        "variant": variant, "repetition": r,
+                        "variant": variant, "repetition": r, "repeat": 0,
                         "outcome": "controller failed" if failed else "finished",
                         "finished": not failed,
                         **{f"factor:{path}": v for path, v in factors.items()},
                         metric: effect + extra + shift[r] + own * rng.normal(),
                     })  # fmt: skip
     return pa.Table.from_pylist(rows)
+
+
+def with_repeats(table, repeats):
+    """Return a table whose repetitions are the repeats of so few repetitions."""
+    number = np.asarray(table["repetition"])
+    for name, values in (("repetition", number // repeats), ("repeat", number % repeats)):
+        table = table.set_column(table.column_names.index(name), name, pa.array(values))
+    return table

@@ -348,3 +348,17 @@ def test_titles_are_within_their_figures(study):
                     box = each.get_window_extent()
                     assert box.x0 >= 0.0, (name, each)
                     assert box.x1 <= figure.bbox.width, (name, each)
+
+
+def test_figure_is_drawn_once_per_file_and_its_texts_are_within_it(part, tmp_path, monkeypatch):
+    drawn, draw = [], Figure.draw
+    monkeypatch.setattr(
+        Figure, "draw", lambda figure, renderer: (drawn.append(figure), draw(figure, renderer))
+    )
+    figure = draw_figure(part, "xy_comparison")
+    for suffix in ("svg", "png"):
+        save(figure, tmp_path / f"figure.{suffix}")
+    assert drawn == [figure, figure]
+    box, (width, height) = figure.get_tightbbox(), figure.get_size_inches()
+    assert 0.03 < box.x0 < box.x1 < width - 0.03
+    assert 0.03 < box.y0 < box.y1 < height - 0.03

@@ -59,7 +59,7 @@ def test_margin_of_the_support_polygon():
     [
         ({"mounts": omni_ring((0.0, 0.15, 0.3, pi), 0.25), "com": (0.05, 0.02)}, "badly cond"),
         ({"mounts": tuple(Mount(m.x + 0.1, m.y, m.axle_angle) for m in SMALL.mounts),
-          "com": (0.1, 0.0), "body_radius": 0.5}, "asymmetric: the wheels couple y and yaw"),
+          "com": (0.1, 0.0), "body_radius": 0.5}, "couple y and yaw .*is the origin"),
         ({"body_radius": 0.2}, "footprint: a wheel reaches 0.26. m"),
         ({"assumed_effective_radius": 0.2}, "miscalibrated: .* 0.2 m, the wheels have 0.25 m"),
         ({"com": (0.12, 0.0)}, "unloaded: wheel [12] carries"),
@@ -70,6 +70,15 @@ def test_margin_of_the_support_polygon():
 def test_warnings(changes, message):
     warnings = RobotSummary.of(replace(SMALL, **changes)).warnings
     assert any(re.search(message, warning) for warning in warnings), warnings
+
+
+def test_one_wrong_sign_on_centred_wheels_is_named_instead_of_the_origin():
+    first, *others = named_robot("mecanum").mounts
+    mounts = (first._replace(roller_angle=-first.roller_angle), *others)
+    warnings = RobotSummary.of(replace(named_robot("mecanum"), mounts=mounts)).warnings
+    coupled = [each for each in warnings if each.startswith("asymmetric")]
+    assert coupled
+    assert all(each.endswith("the angles of the wheels, or its sign, wrong?") for each in coupled)
 
 
 def test_swapped_rollers_are_a_warning():

@@ -5,10 +5,10 @@ import pyarrow as pa
 import pytest
 
 from omnidrive.errors import InvalidInput
-from omnidrive.evaluation.evidence import axis_evidence
+from omnidrive.evaluation.evidence import axis_evidence, task_evidence
 from omnidrive.evaluation.quantities import parse_value, quantity
 from omnidrive.evaluation.run_table import RunTable, Task
-from tests.evaluation.synthetic_runs import synthetic_table
+from tests.evaluation.synthetic_runs import synthetic_table, with_repeats
 
 AXES = {"plant_robot.mass": [50.0, 75.0], "plant": ["planar", "kinematic"]}
 
@@ -98,3 +98,19 @@ def test_axes_with_many_values_are_not_shown_value_by_value():
     runs = RunTable(synthetic_table({"pid": 1.0}, repetitions=1, axes=axes))
     assert runs.axes == ("few", "many")
     assert runs.shown_axes == ("few",)
+
+
+def test_repeats_are_observations_without_random_factors():
+    table = synthetic_table({"a": 1e-3, "b": 2e-3}, repetitions=12)
+    runs = RunTable(with_repeats(table, 4))
+    assert (runs.repetitions, runs.repeats) == (3, 4)
+    np.testing.assert_array_equal(runs.unit, np.asarray(table["repetition"]))
+    assert repr(task_evidence(runs, "me")) == repr(task_evidence(RunTable(table), "me"))
+
+
+def test_repeats_share_the_sample_of_random_factors():
+    friction = [float(r // 4) for r in range(12)]
+    table = synthetic_table({"a": 1e-3}, repetitions=12, random={"plant_robot.friction": friction})
+    runs = RunTable(with_repeats(table, 4))
+    assert runs.random_factors == ("plant_robot.friction",)
+    np.testing.assert_array_equal(runs.unit, runs.repetition * runs.repeats)

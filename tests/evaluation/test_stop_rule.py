@@ -8,7 +8,7 @@ import pytest
 
 from omnidrive.errors import InvalidInput
 from omnidrive.evaluation.stop_rule import StopRule, leading_repetitions
-from tests.evaluation.synthetic_runs import TASK, synthetic_table
+from tests.evaluation.synthetic_runs import TASK, synthetic_table, with_repeats
 
 RULE = StopRule.parse("me:0.1mm")
 TWO = {"fuzzy_t1": 0.05, "fuzzy_t2": 0.049}
@@ -67,3 +67,12 @@ def test_study_without_the_quantity_would_not_end():
         RULE.check(synthetic_table(TWO, failures={(n, r) for n in TWO for r in range(20)}))
     with pytest.raises(InvalidInput, match="no metric 'mae'"):
         StopRule.parse("mae:1mrad").check(synthetic_table(TWO))
+
+
+def test_needed_repetitions_with_repeats_are_fewer():
+    table = synthetic_table({"a": 1e-3, "b": 2e-3}, repetitions=40)
+    rule = StopRule.parse("me:0.001mm")
+    state, single = rule.check(with_repeats(table, 4)), rule.check(table)
+    assert state.repetitions == 10
+    assert state.half_width == single.half_width
+    assert state.needed == pytest.approx(single.needed / 4)

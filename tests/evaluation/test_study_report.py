@@ -229,6 +229,13 @@ def test_notes_explain_intervals_only_where_there_are_some():
     assert not _interval_note([("a", "1.0")])
 
 
+def test_note_says_why_shares_have_no_interval_and_random_factors_none():
+    few = StudyEvidence(RunTable(synthetic_table({"a": 0.05, "b": 0.06}, repetitions=8)))
+    table = next(each for each in evidence_tables(few) if each.title == "What matters")
+    assert {row[-1] for row in table.rows} == {"–"}
+    assert "Intervals and random factors need 10 repetitions." in table.note
+
+
 def test_notes_name_the_repetitions_that_a_difference_needs():
     few, enough = (
         evidence_tables(StudyEvidence(RunTable(synthetic_table(

@@ -22,10 +22,10 @@ from omnidrive.planning import Path as PosePath
 from omnidrive.reference.waypoints import save_waypoints
 from omnidrive.robot import named_robot, save_robot
 from omnidrive.scenario import paper_scenario, save_scenario
-from omnidrive.simulation.log_columns import LogColumn
-from omnidrive.simulation.log_file import save_log
+from omnidrive.simulation.log_file import save_run
 from omnidrive.study import RunFolder
 from tests.files.power_failure import TORN, contents_after_failure, recorded_disk
+from tests.simulation.recorded_run import recorded_run
 
 
 def test_file_is_replaced_only_if_the_block_succeeds(tmp_path):
@@ -54,7 +54,6 @@ def test_path_that_cannot_be_written(tmp_path, monkeypatch, name):
 
 
 PATH = PosePath(np.array([[0.0, 0.0, 0.0], [1.0, 0.5, 0.2], [2.0, 0.5, 0.4]]))
-LOG = [LogColumn("t", "s", np.arange(3.0))]
 TABLE = Table("t", ("a",), (("1",),))
 WRITERS = {
     "map.yaml": lambda path: save_nav2_map(paper_map(), path),
@@ -62,8 +61,8 @@ WRITERS = {
     "scenario.yaml": lambda path: save_scenario(paper_scenario(), path),
     "path.csv": lambda path: save_waypoints(path, PATH),
     "path.yaml": lambda path: save_waypoints(path, PATH),
-    "log.csv": lambda path: save_log(LOG, (), path),
-    "log.parquet": lambda path: save_log(LOG, (), path),
+    "log.csv": lambda path: save_run(recorded_run(), path),
+    "log.parquet": lambda path: save_run(recorded_run(), path),
     "figure.png": lambda path: save_figure(Figure(), path),
     "t.csv": lambda path: list(write_tables([TABLE], path.parent)),
 }

@@ -43,6 +43,7 @@ from omnidrive.robot import load_robot, named_robot, save_robot
 from omnidrive.robot.imports import import_robot
 from omnidrive.scenario import load_scenario, paper_scenario, save_scenario
 from omnidrive.scenario.controller_file import load_controller
+from omnidrive.simulation import load_run
 from omnidrive.simulation.identification import identify_robot, read_log
 from omnidrive.study import StudyDefinition, load_definition, save_definition
 from omnidrive.study.store import Store
@@ -57,6 +58,7 @@ from tests.robot.descriptions import (
 )
 from tests.robustness.deployment_readers import deployment_readers
 from tests.robustness.reader import Reader
+from tests.simulation.recorded_run import recorded_run
 from tests.study.small import small_scenario
 from tests.study.synthetic import SyntheticPlan, record
 
@@ -236,6 +238,7 @@ def _logs(folder):
     table = pa.table({"t": t, **columns, **wheels})
     robot = named_robot("small")
     writers = {".csv": pa.csv.write_csv, ".parquet": pa.parquet.write_table}
+    run = _written(folder / "run.parquet", recorded_run().save)
     return {
         f"log {suffix}": Reader(
             f"log{suffix}",
@@ -243,7 +246,7 @@ def _logs(folder):
             lambda path: identify_robot(read_log(path), robot),
         )
         for suffix, write in writers.items()
-    }
+    } | {"run": Reader("run.parquet", (run,), lambda path: load_run(path).columns)}
 
 
 def _robots(folder):

@@ -12,7 +12,7 @@ from time import sleep
 
 import pyarrow as pa
 
-from omnidrive.scenario.jobs import Job
+from omnidrive.scenario.run_settings import RunSettings
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import relabelled
@@ -40,7 +40,7 @@ class SyntheticPlan:
     def __getitem__(self, number):
         self.asked.append(number)
         repetition, index = divmod(number, len(CONTROLLERS))
-        job = Job("track", CONTROLLERS[index], 20.0, repeat=repetition)
+        job = RunSettings("track", CONTROLLERS[index], 20.0, repeat=repetition)
         factors = {"plant_robot.mass": 10.0 + 0.1 * repetition, "sample_time": 0.1}
         (key,) = self.keys(number, number + 1)
         return PlannedRun(number, key, repetition, factors, SCENARIO, job, repetition)

@@ -226,11 +226,11 @@ def test_nearest_points_of_many_runs_are_those_of_each():
 
 def test_metrics_of_one_run_are_those_of_many():
     from omnidrive.evaluation.metrics import LoggedRuns, measure_many
-    from omnidrive.scenario import plan_and_check, run_job
+    from omnidrive.scenario import plan_and_check, simulate_run
 
     plan = plan_of({"noise": {"durations": [10]}}, controllers=["feedforward"])
     planned = plan_and_check(plan[0].scenario)
-    run = run_job(planned, plan[0].job).run
+    run = simulate_run(planned, plan[0].settings).run
     drive = planned.robot.drive
     three = LoggedRuns(
         run.t, run.target, np.stack([run.pose] * 3), np.stack([run.measured] * 3),

@@ -86,7 +86,7 @@ def test_parameters_of_a_preset_have_paths_and_multiples():
             set={"tasks": {"track": {"durations": [20]}}},
         )
     )
-    found = [run.scenario.controllers for run in plan if run.job.controller == "fuzzy_t1"]
+    found = [run.scenario.controllers for run in plan if run.settings.controller == "fuzzy_t1"]
     first, second = (each["fuzzy_t1"].parameters.position.kp for each in found)
     resolved = plan.definition.scenario.controllers["fuzzy_t1"].resolved("recommended")
     assert first == resolved.parameters.position.kp
@@ -133,7 +133,7 @@ def test_reference_that_varies_needs_none_in_the_base(axes):
 def test_type_of_the_reference_varies_with_the_defaults_of_each(scenario):
     axes = {"reference.type": ["circle", "slalom"]}
     plan = RunPlan(study(scenario=scenario, axes=axes, set={"controllers": ["feedforward"]}))
-    references = [run.scenario.reference for run in plan if run.job.task == "track"]
+    references = [run.scenario.reference for run in plan if run.settings.task == "track"]
     assert [each.type for each in references[:: len(references) // 2]] == ["circle", "slalom"]
     radius = 2.0 if "reference" in scenario else 1.0
     assert references[0].values["radius"] == radius
@@ -339,7 +339,7 @@ def test_studies_of_the_package_are_valid():
         definition = load_definition(name)
         assert definition.name.startswith(name)
         assert definition.question.endswith("?")
-        assert RunPlan(definition)[0].job
+        assert RunPlan(definition)[0].settings
     with pytest.raises(InvalidStudy, match="did you mean 'paper'"):
         load_definition("papr")
 

@@ -53,7 +53,7 @@ SQL = {
     "UPDATE results SET detail = 'edited' WHERE id = 2": LOST,
     "UPDATE results SET checksum = -checksum WHERE id = 2": KEPT,
     "INSERT INTO runs SELECT 500, result, pairing, controller, task, duration, variant, repetition,"
-    " factors, checksum FROM runs WHERE number = 1": KEPT,
+    " repeat, factors, checksum FROM runs WHERE number = 1": KEPT,
     "DELETE FROM results": LOST,
     "DELETE FROM runs WHERE number > 9": LOST,
     "DELETE FROM facts": "its stop rule are lost",
@@ -77,7 +77,7 @@ SQL = {
     "PRAGMA writable_schema = ON; UPDATE sqlite_master SET sql = replace(sql, ' STRICT', '')":
         "has other columns",
     "PRAGMA user_version = 1": "was written by an older version of omnidrive",
-    "PRAGMA user_version = 4": "was written by a newer version of omnidrive",
+    "PRAGMA user_version = 5": "was written by a newer version of omnidrive",
     "PRAGMA application_id = 1": "is a database of another program",
     "PRAGMA journal_mode = DELETE": KEPT,
     "VACUUM": KEPT,

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from omnidrive.estimation import PoseFixSettings
-from omnidrive.scenario import Job, SensorsSection, paper_scenario, plan_and_check, run_job
+from omnidrive.scenario import (
+    RunSettings,
+    SensorsSection,
+    paper_scenario,
+    plan_and_check,
+    simulate_run,
+)
 from omnidrive.simulation import Outcome
 
 pytestmark = pytest.mark.long
@@ -27,7 +33,7 @@ def test_true_errors_with_the_estimator_over_twenty_seeds(name):
     planned = plan_and_check(scenario)
     rows = []
     for repeat in range(SEEDS):
-        result = run_job(planned, Job("noise", "holonomic-nmpc", 30.0, 15, repeat))
+        result = simulate_run(planned, RunSettings("noise", "holonomic-nmpc", 30.0, 15, repeat))
         assert result.run.outcome is Outcome.FINISHED
         estimation_error = np.hypot(*(result.run.pose - result.run.measured)[:, :2].T)
         m = result.metrics

@@ -13,8 +13,8 @@ from omnidrive.cli.terminal import conclude
 from omnidrive.errors import CannotWrite, RunFailed
 from omnidrive.evaluation.figures import catalogue, write_figures
 from omnidrive.files import output_file
-from omnidrive.scenario import run_job
-from omnidrive.scenario.jobs import unfinished
+from omnidrive.scenario import simulate_run
+from omnidrive.scenario.run_simulation import unfinished
 from omnidrive.scenario.tasks import DurationsTask, StepTask, Tasks
 from omnidrive.simulation import Outcome
 from omnidrive.study import RunFolder, check_figure, check_new_folder, run_study
@@ -107,7 +107,7 @@ def test_lost_run_is_named_in_results_and_report(tmp_path, monkeypatch):
     def execute_jobs(planned, jobs, *_, **__):
         for job in jobs:
             lost = unfinished(planned, job, Outcome.TIMED_OUT, "60 s")
-            yield job, lost if job.task == "step" else run_job(planned, job)
+            yield job, lost if job.task == "step" else simulate_run(planned, job)
 
     monkeypatch.setattr("omnidrive.study.study.execute_jobs", execute_jobs)
     track = DurationsTask(durations=(20.0,))

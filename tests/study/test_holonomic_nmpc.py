@@ -9,8 +9,8 @@ from omnidrive.evaluation import measure
 from omnidrive.geometry import Pose, WorldTwist
 from omnidrive.reference import Setpoint
 from omnidrive.scenario import paper_scenario, plan_and_check
-from omnidrive.scenario.jobs import make_controller
 from omnidrive.scenario.plants import make_plant
+from omnidrive.scenario.run_parts import make_controller
 from omnidrive.simulation import simulate
 
 LAWS = {

@@ -10,8 +10,9 @@ from time import sleep
 import pytest
 
 from omnidrive.compiled.compilation import reported
-from omnidrive.scenario.jobs import Job, job_name, jobs_of, unfinished
 from omnidrive.scenario.planned_scenario import plan_and_check
+from omnidrive.scenario.run_settings import RunSettings, run_name, settings_of_runs
+from omnidrive.scenario.run_simulation import unfinished
 from omnidrive.scenario.tasks import DurationsTask, FaultsTask, NoiseTask, Tasks
 from omnidrive.simulation import Outcome
 from omnidrive.study import job_execution
@@ -41,7 +42,7 @@ def other_child():
 
 
 def test_abandoned_execution_kills_workers_and_no_other_child(planned, other_child):
-    jobs = jobs_of(planned.scenario)
+    jobs = settings_of_runs(planned.scenario)
     results = execute_jobs(planned, jobs, 2)
     next(results)
     assert workers()
@@ -51,7 +52,7 @@ def test_abandoned_execution_kills_workers_and_no_other_child(planned, other_chi
 
 
 def test_killed_worker_delays_the_study_only(planned, caplog):
-    jobs = jobs_of(planned.scenario)
+    jobs = settings_of_runs(planned.scenario)
     results = execute_jobs(planned, jobs, 2)
     finished = [next(results)]
     workers()[0].kill()
@@ -74,15 +75,15 @@ def test_interrupt_that_a_component_raises_ends_its_run(planned, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    job = jobs_of(planned.scenario)[0]
-    monkeypatch.setattr(job_execution, "run_job", interrupted)
+    job = settings_of_runs(planned.scenario)[0]
+    monkeypatch.setattr(job_execution, "simulate_run", interrupted)
     ((_, result),) = job_execution._Alone(planned)([job])
     assert result.run.outcome is Outcome.KILLED
     assert "by KeyboardInterrupt of a component" in result.run.ending
 
 
-class KillingJob(Job):
-    """Job whose worker is killed when it unpickles the job."""
+class KillingJob(RunSettings):
+    """RunSettings whose worker is killed when it unpickles the job."""
 
     number = "SIGKILL"
 
@@ -91,7 +92,7 @@ class KillingJob(Job):
 
 
 class StoppingJob(KillingJob):
-    """Job whose worker is stopped when it unpickles the job."""
+    """RunSettings whose worker is stopped when it unpickles the job."""
 
     number = "SIGSTOP"
 
@@ -105,7 +106,7 @@ class Pid:
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs Unix")
 def test_lost_runs_have_an_outcome_and_the_others_finish(planned):
-    jobs = {job.task: job for job in jobs_of(planned.scenario)}
+    jobs = {job.task: job for job in settings_of_runs(planned.scenario)}
     bad = [KillingJob(*jobs["step"]), StoppingJob(*jobs["noise"])]
     found = dict(execute_jobs(planned, [*bad, jobs["track"]], 2, run_timeout=6.0))
     killed, stopped, good = (found[job].run for job in (*bad, jobs["track"]))
@@ -114,7 +115,7 @@ def test_lost_runs_have_an_outcome_and_the_others_finish(planned):
     assert stopped.ending == "the run exceeded its time limit: 6 s"
     assert len(killed.t) == len(stopped.t) == 1
     assert good.outcome is Outcome.FINISHED
-    names = {job_name(planned, job): result.name for job, result in found.items()}
+    names = {run_name(planned.scenario, job): result.name for job, result in found.items()}
     assert list(names) == list(names.values())
 
 
@@ -122,10 +123,10 @@ def test_lost_runs_have_an_outcome_and_the_others_finish(planned):
 def test_result_of_a_lost_run_is_that_of_its_task(task):
     tasks = small_scenario().tasks.model_copy(update={"faults": FaultsTask(duration=20.0)})
     planned = plan_and_check(small_scenario(tasks=tasks))
-    job = [job for job in jobs_of(planned.scenario) if job.task == task][-1]
+    job = [job for job in settings_of_runs(planned.scenario) if job.task == task][-1]
     result = unfinished(planned, job, Outcome.KILLED, "twice")
     assert result.run.ending == "the process of the run was killed: twice"
-    assert result.name == job_name(planned, job)
+    assert result.name == run_name(planned.scenario, job)
     assert result.run.pose[0].tolist() == list(planned.start)
 
 

@@ -10,14 +10,14 @@ from omnidrive.evaluation.published import PUBLISHED_ERRORS
 from omnidrive.geometry import move
 from omnidrive.planning import Waypoint
 from omnidrive.scenario import (
-    Job,
-    jobs_of,
+    RunSettings,
     make_controller,
     map_scenario,
     paper_scenario,
     plan_and_check,
     retime,
-    run_job,
+    settings_of_runs,
+    simulate_run,
 )
 from omnidrive.simulation import MujocoPlant, Outcome, simulate
 from omnidrive.study import run_study
@@ -38,7 +38,7 @@ MAPS = {
 @pytest.mark.parametrize("seed", SEEDS)
 def test_errors_with_noise_match_the_paper_for_other_seeds(controller, seed):
     planned = plan_and_check(paper_scenario().model_copy(update={"seed": seed}))
-    m = run_job(planned, Job("noise", controller, 30.0, 15)).metrics
+    m = simulate_run(planned, RunSettings("noise", controller, 30.0, 15)).metrics
     row = PUBLISHED_ERRORS["noise", 30.0, controller]
     assert m.me_measured <= 1.15 * row.me
     assert m.mae_measured <= 1.15 * row.mae
@@ -48,8 +48,8 @@ def test_errors_with_noise_match_the_paper_for_other_seeds(controller, seed):
 @pytest.mark.parametrize("preset", ["paper", "published-code"])
 def test_every_run_finishes_on_plants_with_forces(plant, preset):
     planned = plan_and_check(paper_scenario(preset).with_values(plant=plant))
-    for job in jobs_of(planned.scenario):
-        assert run_job(planned, job).run.outcome is Outcome.FINISHED, job
+    for job in settings_of_runs(planned.scenario):
+        assert simulate_run(planned, job).run.outcome is Outcome.FINISHED, job
 
 
 @pytest.mark.parametrize("name", MAPS)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from omnidrive.scenario import jobs_of, paper_scenario, plan_and_check, run_job
+from omnidrive.scenario import paper_scenario, plan_and_check, settings_of_runs, simulate_run
 from omnidrive.scenario.tasks import DurationsTask, FaultsTask, Tasks
 from omnidrive.simulation import Outcome, parse_fault
 from omnidrive.study import run_study
@@ -42,9 +42,9 @@ def test_every_run_recovers_or_is_stopped(preset, plant):
 @pytest.mark.parametrize("preset", PRESETS)
 def test_healthy_robot_causes_no_events(preset, plant):
     planned = plan_and_check(paper_scenario(preset).with_values(plant=plant))
-    for job in jobs_of(planned.scenario):
+    for job in settings_of_runs(planned.scenario):
         if job.task != "horizon":
-            run = run_job(planned, job).run
+            run = simulate_run(planned, job).run
             assert run.events == (), job
             assert run.outcome is Outcome.FINISHED, job
 

@@ -5,12 +5,18 @@ from functools import cache
 import pytest
 
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
-from omnidrive.scenario import Job, jobs_of, paper_scenario, plan_and_check, run_job
+from omnidrive.scenario import (
+    RunSettings,
+    paper_scenario,
+    plan_and_check,
+    settings_of_runs,
+    simulate_run,
+)
 from omnidrive.simulation import Outcome
 
 RECOMMENDED = {20.0: (0.0044, 0.0031), 30.0: (0.00135, 0.00105)}
 RECOMMENDED_PID = {20.0: (0.007, 0.006), 30.0: (0.0025, 0.002)}
-TRACKS = [job for job in jobs_of(paper_scenario()) if job.task in {"track", "noise"}]
+TRACKS = [job for job in settings_of_runs(paper_scenario()) if job.task in {"track", "noise"}]
 
 
 def name(job):
@@ -21,7 +27,7 @@ def name(job):
 def paper():
     """The runs of the study, each simulated once."""
     planned = plan_and_check(paper_scenario())
-    return cache(lambda job: run_job(planned, job))
+    return cache(lambda job: simulate_run(planned, job))
 
 
 @pytest.mark.parametrize(
@@ -74,7 +80,7 @@ def test_holonomic_nmpc_has_a_tenth_of_the_published_error(paper, duration):
 
 @pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc"])
 def test_step_response_reaches_the_target(paper, controller):
-    result = paper(Job("step", controller, 10.0))
+    result = paper(RunSettings("step", controller, 10.0))
     assert result.run.outcome is Outcome.FINISHED
     assert abs(result.run.pose[-10:] - result.run.target[-10:]).max() < 0.02
 
@@ -87,7 +93,7 @@ def test_preset_published_code_has_the_wrong_effective_radius(controller):
     """With R = 0.5 m in the wheel matrix, yaw rates are 0.707 times the commanded ones."""
     published = plan_and_check(paper_scenario("published-code"))
     assert published.robot.assumed_effective_radius == 0.5
-    result = run_job(published, Job("track", controller, 20.0, 15))
+    result = simulate_run(published, RunSettings("track", controller, 20.0, 15))
     row = PUBLISHED_ERRORS["track", 20.0, controller]
     assert result.run.outcome is Outcome.FINISHED
     assert result.metrics.me <= row.me
@@ -101,7 +107,7 @@ def recommended():
 @pytest.mark.parametrize("controller", ["pid", "fuzzy_t1", "fuzzy_t2"])
 @pytest.mark.parametrize("duration", [20.0, pytest.param(30.0, marks=pytest.mark.long)])
 def test_recommended_pids_track_closely(recommended, controller, duration):
-    result = run_job(recommended, Job("track", controller, duration))
+    result = simulate_run(recommended, RunSettings("track", controller, duration))
     m = result.metrics
     me, mae = RECOMMENDED_PID[duration]
     assert result.run.outcome is Outcome.FINISHED
@@ -113,7 +119,7 @@ def test_recommended_pids_track_closely(recommended, controller, duration):
 @pytest.mark.parametrize("controller", ["pid", "fuzzy_t1", "fuzzy_t2"])
 def test_recommended_pids_have_little_overshoot(recommended, controller):
     """In the paper, the overshoot of type 1 is 10.8 %, 9.4 % and 78.9 %."""
-    result = run_job(recommended, Job("step", controller, 10.0))
+    result = simulate_run(recommended, RunSettings("step", controller, 10.0))
     assert abs(result.run.pose[-10:] - result.run.target[-10:]).max() < 1e-3
     for response in result.responses:
         assert response.overshoot < 1.0

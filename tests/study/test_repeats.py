@@ -7,8 +7,15 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from omnidrive.scenario import Job, jobs_of, one_task, plan_and_check, retime, run_job
-from omnidrive.study import run_study
+from omnidrive.scenario import (
+    RunSettings,
+    one_task,
+    plan_and_check,
+    retime,
+    settings_of_runs,
+    simulate_run,
+)
+from omnidrive.study import read_study, run_study
 from tests.study.small import noise_scenario, small_scenario
 from tests.study.test_study import numbers
 
@@ -28,10 +35,12 @@ def noise(folder, run):
 
 
 def test_first_repeat_equals_a_study_without_repeats(folder):
-    once = [job for job in jobs_of(small_scenario()) if job.task == "noise"]
+    once = [job for job in settings_of_runs(small_scenario()) if job.task == "noise"]
     assert [job.repeat for job in once] == [0] * 4
     first = next(r for r in numbers(folder)["runs"] if r["controller"] == "holonomic-nmpc")
-    single = run_job(plan_and_check(small_scenario()), Job("noise", "holonomic-nmpc", 20.0))
+    single = simulate_run(
+        plan_and_check(small_scenario()), RunSettings("noise", "holonomic-nmpc", 20.0)
+    )
     assert single.name == first["name"] == "noise-holonomic-nmpc-20s"
     assert single.metrics.me == first["me"]
 
@@ -85,6 +94,27 @@ def test_results_contain_means_and_paired_differences(folder):
     assert (pair["seeds"], pair["unit"]) == (SEEDS, "m")
     assert pair["verdict"] in {"better", "worse", "no difference shown"}
     assert 0.0 <= pair["p"] <= 1.0
+
+
+def test_evidence_of_the_stored_runs_is_that_of_the_comparison(folder):
+    """Every repeat is an observation: as if the study had so many repetitions."""
+    study = read_study(folder)
+    assert (study.evidence.runs.repetitions, study.evidence.runs.repeats) == (1, SEEDS)
+    compared = {
+        (each["measure"], each["first"], each["second"]): each
+        for each in json.loads((folder / "results.json").read_text())["paired"]
+    }
+    found = 0
+    for measure in ("me", "mae"):
+        (noise,) = study.evidence.of(measure)
+        assert {each.mean.sample_size for each in noise.summaries} == {SEEDS}
+        for pair in noise.pairs:
+            other = compared[measure, pair.first, pair.second]
+            assert pair.difference.sample_size == other["seeds"]
+            assert pair.difference.mean == pytest.approx(other["mean"], rel=1e-9)
+            assert pair.p == pytest.approx(other["p"], rel=1e-9)
+            found += 1
+    assert found == 2 * 3
 
 
 def test_study_without_repeats_has_no_paired_differences():

@@ -1,21 +1,16 @@
 """Studies that keep all logs: interrupted ones continue, with the same results."""
 
 import json
-from dataclasses import fields
 
-import numpy as np
 import pytest
 
 from omnidrive.errors import CannotWrite
 from omnidrive.scenario import load_scenario
-from omnidrive.scenario.jobs import jobs_of, run_job
-from omnidrive.scenario.planned_scenario import plan_and_check
-from omnidrive.scenario.sections import SensorsSection
-from omnidrive.scenario.tasks import DurationsTask, FaultsTask, NoiseTask, StepTask, Tasks
+from omnidrive.scenario.run_settings import settings_of_runs
+from omnidrive.scenario.run_simulation import simulate_run
+from omnidrive.scenario.tasks import DurationsTask, NoiseTask, StepTask, Tasks
 from omnidrive.study import run_study
-from omnidrive.study.folder import RunFolder
 from omnidrive.study.output_paths import check_study_folder
-from omnidrive.study.stored_runs import StoredRuns
 from omnidrive.study.study import NullProgress
 from tests.study.small import small_scenario
 
@@ -48,9 +43,9 @@ def executed(monkeypatch):
 
     def noted(planned, job, observers=()):
         found.append(job.task)
-        return run_job(planned, job, observers)
+        return simulate_run(planned, job, observers)
 
-    monkeypatch.setattr("omnidrive.study.job_execution.run_job", noted)
+    monkeypatch.setattr("omnidrive.study.job_execution.simulate_run", noted)
     return found
 
 
@@ -67,7 +62,7 @@ def test_second_process_on_one_folder_is_refused(tmp_path, monkeypatch):
 
     study = run_study(SHORT, tmp_path / "s", progress=Second())
     assert refused
-    assert len(study.results.runs) == len(jobs_of(SHORT))
+    assert len(study.results.runs) == len(settings_of_runs(SHORT))
 
 
 def without_times(value):
@@ -130,37 +125,3 @@ def test_finished_study_is_not_continued(tmp_path):
     run_study(SHORT, tmp_path / "a")
     with pytest.raises(CannotWrite, match="is not empty; choose a new folder with --out"):
         run_study(SHORT, tmp_path / "a")
-
-
-def sensors():
-    """Return sensors with an estimator, whose covariance is in the log."""
-    return SensorsSection(estimator="kalman")
-
-
-@pytest.mark.parametrize("section", [None, sensors])
-def test_restored_run_is_the_one_that_was_stored(tmp_path, section):
-    tasks = SHORT.tasks.model_copy(update={"faults": FaultsTask(duration=20.0)})
-    scenario = SHORT.with_values(tasks=tasks, sensors=section and section(), plant="planar")
-    planned = plan_and_check(scenario)
-    jobs = [*jobs_of(scenario)[:4], *jobs_of(scenario)[-1:]]
-    with StoredRuns(RunFolder(tmp_path), planned, jobs) as stored:
-        results = {job: run_job(planned, job) for job in jobs}
-        for job, result in results.items():
-            stored.add(job, result)
-        restored = stored.finished()
-    assert list(restored) == jobs
-    for job, result in results.items():
-        again = restored[job]
-        for field in fields(result.run):
-            before, after = (getattr(each.run, field.name) for each in (result, again))
-            if isinstance(before, np.ndarray):
-                assert (before.dtype, before.shape) == (after.dtype, after.shape), field.name
-                assert before.tobytes() == after.tobytes(), field.name
-            elif field.name == "details":
-                assert {k: v.tobytes() for k, v in before.items()} == {
-                    k: v.tobytes() for k, v in after.items()
-                }
-            else:
-                assert before == after, field.name
-        for name in ("metrics", "responses", "min_clearance", "fault", "name"):
-            assert repr(getattr(result, name, None)) == repr(getattr(again, name, None))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from omnidrive.errors import InvalidStudy
-from omnidrive.scenario import jobs_of
+from omnidrive.scenario import settings_of_runs
 from omnidrive.study import RunPlan, StudyDefinition, check_size, parse_definition
 from omnidrive.study.random_factors import RandomFactors, parse_factor, repetition_seed
 from tests.study.small import noise_scenario, small_scenario
@@ -25,7 +25,7 @@ def plan_of(*, allow_code=False, **keys):
 def test_plan_of_a_scenario_has_its_runs_in_their_order():
     for scenario in (small_scenario(), noise_scenario(3)):
         plan = RunPlan(StudyDefinition.from_scenario(scenario))
-        assert [run.job for run in plan] == jobs_of(scenario)
+        assert [run.settings for run in plan] == settings_of_runs(scenario)
         assert all(run.scenario is scenario for run in plan)
         assert len(set(plan.keys(0, len(plan)))) == len(plan)
 
@@ -77,11 +77,15 @@ def test_runs_that_differ_only_by_the_controller_are_a_pair():
     assert sorted(groups) == list(range(len(groups)))
     for group in groups.values():
         what = {
-            (run.repetition, *run.factors.values(), *run.job._replace(controller="", horizon=None))
+            (
+                run.repetition,
+                *run.factors.values(),
+                *run.settings._replace(controller="", horizon=None),
+            )
             for run in group
         }
         assert len(what) == 1
-        controllers = [run.job.controller for run in group]
+        controllers = [run.settings.controller for run in group]
         assert len(set(controllers)) == len(controllers)
 
 
@@ -90,9 +94,9 @@ def test_keys_are_equal_if_and_only_if_runs_are():
     plan = plan_of(axes={"controllers.unicycle-nmpc.horizon": [5, 15]}, set={"tasks.horizon": None})
     by_controller = {}
     for run in plan:
-        by_controller.setdefault((run.job.controller, run.pairing % plan_pairs(plan)), set()).add(
-            run.key
-        )
+        by_controller.setdefault(
+            (run.settings.controller, run.pairing % plan_pairs(plan)), set()
+        ).add(run.key)
     for (controller, _), keys in by_controller.items():
         assert len(keys) == (2 if controller == "unicycle-nmpc" else 1)
     one, other = plan_of(name="a"), plan_of(name="b", scenario="paper")
@@ -133,7 +137,7 @@ def test_key_depends_on_the_content_of_a_fuzzy_system(tmp_path):
         save(replace(system, rules=rules), path)
         varied = plan_of(axes={key: [str(path)]}), plan_of(set={key: str(path)})
         found.append(
-            [{run.key for run in each if run.job.controller == "fuzzy_t1"} for each in varied]
+            [{run.key for run in each if run.settings.controller == "fuzzy_t1"} for each in varied]
         )
     for each in zip(*found, strict=True):
         assert each[0]
@@ -231,7 +235,7 @@ def test_changed_files_of_the_same_name_change_keys(tmp_path):
 
 def test_conditions_leave_runs_out():
     axes = {"sample_time": [0.05, 0.1], "plant_robot.mass": [10, 11]}
-    whole = {(tuple(r.factors.values()), r.job) for r in plan_of(axes=axes)}
+    whole = {(tuple(r.factors.values()), r.settings) for r in plan_of(axes=axes)}
     left = [
         {"sample_time": 0.1, "controller": "fuzzy_t1"},
         {"plant_robot.mass": 11, "task": "step"},
@@ -242,9 +246,9 @@ def test_conditions_leave_runs_out():
             factors[1] == 11 and job.task == "step"
         )
 
-    rest = {(tuple(r.factors.values()), r.job) for r in plan_of(axes=axes, leave_out=left)}
+    rest = {(tuple(r.factors.values()), r.settings) for r in plan_of(axes=axes, leave_out=left)}
     assert rest == {each for each in whole if not is_left_out(*each)}
-    kept = {(tuple(r.factors.values()), r.job) for r in plan_of(axes=axes, where=left)}
+    kept = {(tuple(r.factors.values()), r.settings) for r in plan_of(axes=axes, where=left)}
     assert kept == whole - rest
     with pytest.raises(InvalidStudy, match="leave all of them out"):
         plan_of(where=[{"controller": "fuzzy_t1"}], leave_out=[{"controller": ["fuzzy_t1"]}])
@@ -259,9 +263,9 @@ def test_axes_of_tasks_and_controllers_change_which_runs_there_are():
         set={"tasks": {"noise": {"durations": [20]}}},
     )
     assert [
-        (run.factors["controllers"], run.factors["tasks.noise.repeats"], run.job.repeat)
+        (run.factors["controllers"], run.factors["tasks.noise.repeats"], run.settings.repeat)
         for run in plan
-        if run.job.controller == "pid"
+        if run.settings.controller == "pid"
     ] == [(n, k, r) for n in ("one", "two") for k in (1, 3) for r in range(k)]
     assert len(plan) == 4 + 8
 
@@ -297,9 +301,9 @@ def test_random_factors_are_within_their_ranges():
         horizons = {run.scenario.controllers["unicycle-nmpc"].values["horizon"] for run in runs}
         assert horizons <= {5, 6, 7, 8, 9}
         assert len(horizons) > 2
-        for run in (each for each in plan if each.job.controller == "unicycle-nmpc"):
+        for run in (each for each in plan if each.settings.controller == "unicycle-nmpc"):
             own = run.scenario.controllers["unicycle-nmpc"].values["horizon"]
-            assert run.job.task == "horizon" or run.job.horizon == own
+            assert run.settings.task == "horizon" or run.settings.horizon == own
         assert {run.scenario.sample_time for run in runs} == {0.05, 0.1}
         gains = [run.factors["plant_robot.servo_gain times"] for run in runs]
         assert 0.5 <= min(gains) < max(gains) <= 2.0

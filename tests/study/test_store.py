@@ -44,8 +44,8 @@ def test_table_has_the_order_of_the_plan_and_exact_numbers(tmp_path):
     assert table_bytes(tables[0]) == table_bytes(tables[1])
     assert tables[0].column_names == [
         "number", "key", "pairing", "controller", "task", "duration", "variant", "repetition",
-        "outcome", "finished", "factor:plant_robot.mass", "factor:sample_time", "me", "arrival",
-        "tiny",
+        "repeat", "outcome", "finished", "factor:plant_robot.mass", "factor:sample_time", "me",
+        "arrival", "tiny",
     ]  # fmt: skip
     assert tables[0]["number"].to_pylist() == list(range(60))
     for row, written in zip(tables[0].to_pylist(), RECORDS, strict=True):

@@ -60,7 +60,7 @@ def made(folder, *, better=0.0, stored=None, changes=None):
 
 def _record(run, better):
     own = int(run.key[:6], 16) / 16**6
-    error = 0.05 + 1e-3 * own - (0.01 + better if run.job.controller == "stiff" else 0.0)
+    error = 0.05 + 1e-3 * own - (0.01 + better if run.settings.controller == "stiff" else 0.0)
     empty = RunRecord(-1, run.key, -1, "", "", 0, {}, "finished", True,
                       {"me": error, "mae": 0.1 + own, "arrival": float("nan")},
                       {"step_time_median": 5.0 + own})  # fmt: skip

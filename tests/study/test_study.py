@@ -11,7 +11,7 @@ from omnidrive.errors import CannotWrite, InvalidReference
 from omnidrive.estimation.drive_estimate import DRIVE_UNITS
 from omnidrive.evaluation import write_figures
 from omnidrive.scenario import load_scenario, paper_scenario, study_tasks
-from omnidrive.scenario.jobs import jobs_of
+from omnidrive.scenario.run_settings import settings_of_runs
 from omnidrive.scenario.sections import MapSection, TimingSection
 from omnidrive.scenario.tasks import DurationsTask, StepTask, Tasks
 from omnidrive.study import run_study
@@ -213,7 +213,7 @@ def test_study_with_the_preset_recommended(tmp_path):
 
 
 def test_number_of_runs_in_the_study_of_the_paper():
-    jobs = jobs_of(paper_scenario())
+    jobs = settings_of_runs(paper_scenario())
     assert len(jobs) == len(set(jobs)) == 22
 
 

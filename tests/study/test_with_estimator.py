@@ -16,7 +16,7 @@ from omnidrive.estimation import (
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import named_robot
 from omnidrive.scenario import (
-    Job,
+    RunSettings,
     SensorsSection,
     load_scenario,
     make_controller,
@@ -24,8 +24,8 @@ from omnidrive.scenario import (
     make_sensors,
     paper_scenario,
     plan_and_check,
-    run_job,
     save_scenario,
+    simulate_run,
 )
 from omnidrive.scenario.sections import robot_of
 from omnidrive.scenario.tasks import NoiseTask, Tasks
@@ -53,7 +53,7 @@ def test_estimator_reduces_the_errors_of_the_noise_task(fixes, limit, repeats):
     """The paper's errors are 0.0566 m and 0.0586 rad."""
     planned = plan_and_check(with_sensors(fixes=fixes))
     for repeat in range(repeats):
-        result = run_job(planned, Job("noise", "holonomic-nmpc", 30.0, 15, repeat))
+        result = simulate_run(planned, RunSettings("noise", "holonomic-nmpc", 30.0, 15, repeat))
         assert result.run.outcome is Outcome.FINISHED
         assert result.metrics.me <= limit
         assert result.metrics.mae <= 0.006
@@ -136,10 +136,10 @@ def test_every_task_runs_with_an_estimator():
     planned = plan_and_check(scenario)
     for task in ("track", "noise", "step"):
         seconds = 4.0 if task == "step" else 20.0
-        result = run_job(planned, Job(task, "feedforward", seconds))
+        result = simulate_run(planned, RunSettings(task, "feedforward", seconds))
         assert result.run.outcome is Outcome.FINISHED
         assert np.hypot(*(result.run.pose - result.run.measured)[:, :2].T).max() < 0.1
-        again = run_job(planned, Job(task, "feedforward", seconds))
+        again = simulate_run(planned, RunSettings(task, "feedforward", seconds))
         assert (again.run.pose == result.run.pose).all()
 
 

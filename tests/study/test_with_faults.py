@@ -16,7 +16,7 @@ from omnidrive.scenario import (
     plan_and_check,
     save_scenario,
 )
-from omnidrive.scenario.jobs import jobs_of
+from omnidrive.scenario.run_settings import settings_of_runs
 from omnidrive.scenario.scenario_file import parse_scenario, scenario_data
 from omnidrive.scenario.sections import WatchdogSection
 from omnidrive.scenario.tasks import FaultsTask, Tasks
@@ -116,7 +116,7 @@ def test_faults_act_in_every_run_of_a_scenario():
 
 
 def test_paper_scenario_has_no_faults():
-    assert not any(job.task == "faults" for job in jobs_of(paper_scenario()))
+    assert not any(job.task == "faults" for job in settings_of_runs(paper_scenario()))
     assert paper_scenario().watchdog == WatchdogSection()
 
 

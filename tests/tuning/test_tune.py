@@ -88,6 +88,7 @@ def test_search_improves_held_out_runs_and_resumes(finished, monkeypatch):
     assert gain.after < gain.before
     assert progress[-1][:3] == ("held-out runs", 2, 2)
     assert progress[0][:3] == ("trials", 1, 10)
+    assert all(done <= total for stage, done, total, _ in progress if stage == "trials")
 
     files = {path.name for path in write_tuning(result)}
     assert files == {"parameters.yaml", "trials.csv", "trials.svg", "report.html"}
@@ -222,6 +223,16 @@ def test_bad_settings_are_refused(tmp_path, content, message):
         load_tuning(tmp_path)
 
 
+def test_many_bad_ranges_are_named_in_part(tmp_path):
+    ranges = ", ".join(f"{k}: x" for k in range(500))
+    (tmp_path / "tuning.yaml").write_text(
+        f"format: omnidrive-tuning-1\ncontroller: slow\nranges: {{{ranges}}}"
+    )
+    with pytest.raises(InvalidInput, match=r"ranges.*; and \d+ more") as caught:
+        load_tuning(tmp_path)
+    assert len(str(caught.value)) < 2000
+
+
 @pytest.mark.parametrize("plant", ["kinematic", "planar"])
 def test_sets_share_neither_seeds_nor_references_nor_robots(plant):
     for changes in ({}, {"tasks": {"track": {"durations": [4.0]}, "step": {
@@ -230,7 +241,7 @@ def test_sets_share_neither_seeds_nor_references_nor_robots(plant):
         check_apart(sets)
         training, held_out = sets
         assert training.scenario.seed != held_out.scenario.seed
-        assert {run.job.task for run in RunPlan(training)} == {"track"}
+        assert {run.settings.task for run in RunPlan(training)} == {"track"}
         shapes = {run.scenario.reference.type for run in RunPlan(held_out)}
         assert shapes == {"eight", "square"}
         robots = [
@@ -250,7 +261,7 @@ def test_validation_has_robots_beyond_those_that_are_held_out():
         for each in (validation_set(training), held_out, training)
     ]
     assert max(frictions[0]) < min(frictions[1]) <= max(frictions[1]) < min(frictions[2])
-    (quick,) = {run.job.duration for run in RunPlan(validation_set(training))
+    (quick,) = {run.settings.duration for run in RunPlan(validation_set(training))
                 if run.factors["motion"] == "quick"}  # fmt: skip
     assert quick == pytest.approx(plan_at(training.scenario).shortest, abs=0.2)
     step = {"step": {"displacement": [0.1, 0.0, 0.0], "duration": 2.0}}

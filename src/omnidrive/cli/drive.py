@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from omnidrive.deploy.robot_link import RobotLink
 
 _PANEL = "Robot"
+_POLL = 0.05
+"""Time between two looks at the state of the drive, s."""
 
 
 @with_options()
@@ -201,7 +203,39 @@ def _keys(controls: DriveControls, *, armed: bool) -> Iterator[None]:
 
     if not armed or os.isatty(0):
         threading.Thread(target=listen, daemon=True).start()
-    yield
+    with _shown_states(controls, keys=not armed or os.isatty(0)):
+        yield
+
+
+@contextmanager
+def _shown_states(controls: DriveControls, *, keys: bool) -> Iterator[None]:
+    """Print within the context when the controller begins to drive, and how a hold ends.
+
+    Args:
+        controls: The controls of the drive.
+        keys: Whether keys arm and stop the robot.
+    """
+    ended, shown = threading.Event(), ""
+    ways = "press a and Enter to arm the robot again, Enter to stop it"
+    held = f"held: {ways if keys else 'it cannot be armed again; Ctrl-C ends'}"
+
+    def watch() -> None:
+        """Print each change until the context ends; the loop does not wait for the terminal."""
+        nonlocal shown
+        while not ended.wait(_POLL):
+            text = "the controller drives the robot" if controls.tracked is not None else ""
+            text = held if controls.held is not None else text
+            if text and text != shown:
+                show(text)
+            shown = text
+
+    thread = threading.Thread(target=watch, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join(1.0)  # the terminal may have stopped the output
 
 
 def _print(result: DriveResult) -> None:

@@ -86,7 +86,6 @@ def export(
     * `omnidrive log export log.mcap --out drive.csv`
     """
     from omnidrive.deploy.log import read_log
-    from omnidrive.simulation.log_file import save_log
     from omnidrive.study.output_paths import check_new_file
 
     if out.suffix.lower() not in _TABLES:
@@ -96,7 +95,7 @@ def export(
     check_new_file(out, force=force)
     found = read_log(file)
     run = found.run()
-    save_log(run.columns, run.events, out)
+    run.save(out)
     if not found.complete:
         note(f"{file} ends before the drive")
     conclude(f"{len(run.t)} samples written to {out}")

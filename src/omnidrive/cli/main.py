@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import sys
@@ -106,6 +107,8 @@ def omnidrive(
     """
 
 
+_COLLECTED = 50_000  # objects from which garbage is collected
+
 _STREAMS = {"stdout": 1, "stderr": 2}
 
 
@@ -138,6 +141,7 @@ def _note(
 def run() -> int:
     """Run the command and return its exit status; an error is printed as one paragraph."""
     _open_streams()
+    gc.set_threshold(_COLLECTED)  # imports and tables are no garbage; searching them takes seconds
     logging.getLogger().addHandler(NoteHandler(logging.WARNING))
     show_compiling()
     with warnings.catch_warnings():

@@ -54,7 +54,8 @@ class OptionFields:
         float | None,
         option(
             "S",
-            "Duration of the path, s; the task `track` has a second one, 1.5 times as long.",
+            "Duration of the path, s; the task `track` has a second one, 1.5 times as long, which "
+            "is that of the task `noise`.",
             PATH_PANEL,
         ),
     ] = None

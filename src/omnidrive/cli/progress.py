@@ -15,9 +15,9 @@ from rich.progress import (
 )
 from rich.text import Text
 
+from omnidrive import visualization  # imports only the modules in use
 from omnidrive.cli.compile_status import displays
 from omnidrive.cli.terminal import is_quiet
-from omnidrive.visualization import Recording, film
 from omnidrive_command import check_interrupted
 
 
@@ -82,7 +82,7 @@ class LiveProgress:
         self._progress.update(task.id, what="")
 
 
-def save_film(recording: Recording, video: Path, progress: LiveProgress) -> str:
+def save_film(recording: visualization.Recording, video: Path, progress: LiveProgress) -> str:
     """Write a film with a progress bar; return the path and, unless in real time, the speed.
 
     It raises the same errors as :func:`~omnidrive.visualization.film`.
@@ -94,5 +94,5 @@ def save_film(recording: Recording, video: Path, progress: LiveProgress) -> str:
             progress.part("video", count)
         progress.done(video.name)
 
-    speed = film(recording, video, progress=rendered)
+    speed = visualization.film(recording, video, progress=rendered)
     return str(video) if speed == 1.0 else f"{video} ({speed:g} times real time)"

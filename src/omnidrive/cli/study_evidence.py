@@ -79,9 +79,9 @@ def export(
 ) -> None:
     """Write all runs of a study as one table, one row per run.
 
-    Columns: number, key, pairing, controller, task, duration (s), variant, repetition, outcome,
-    finished, `factor:PATH` of every axis and random factor, and the metrics in m, rad, s and J.
-    Equal studies give identical files.
+    Columns: number, key, pairing, controller, task, duration (s), variant, repetition, repeat (of
+    `--noise-seeds`), outcome, finished, `factor:PATH` of every axis and random factor, and the
+    metrics in m, rad, s and J. Equal studies give identical files.
 
     For example:
 

@@ -188,7 +188,8 @@ def _show_plan(definition: StudyDefinition) -> None:
     show(f"repetitions: {definition.repetitions:,}, each with {plan.per_repetition:,} runs")
     first = plan[0]
     facts = "".join(f", {name} {_shown(value)}" for name, value in first.factors.items())
-    show(f"first run: {first.job.task}, {first.job.controller}, {first.job.duration:g} s{facts}")
+    task, controller, duration = first.settings[:3]
+    show(f"first run: {task}, {controller}, {duration:g} s{facts}")
 
 
 def _shown(value: Label) -> str:

@@ -8,8 +8,9 @@ from pathlib import Path
 from omnidrive.deploy.drive import DriveResult
 from omnidrive.evaluation import Table, study_tables, write_figures, write_page, write_tables
 from omnidrive.evaluation.page import PageFigure
-from omnidrive.scenario.jobs import evaluate, jobs_of
 from omnidrive.scenario.planned_scenario import PlannedScenario
+from omnidrive.scenario.run_settings import settings_of_runs
+from omnidrive.scenario.run_simulation import evaluate
 from omnidrive.study.folder import RunFolder
 from omnidrive.study.output_paths import REPORT_FILE
 from omnidrive.study.study import collect_results
@@ -36,7 +37,7 @@ def save_drive(result: DriveResult, planned: PlannedScenario, link: str, folder:
     Raises:
         CannotWrite: A file cannot be written.
     """
-    (job,) = jobs_of(planned.scenario)
+    (job,) = settings_of_runs(planned.scenario)
     done = evaluate(planned, job, result.run)
     results = replace(
         collect_results(planned, [job], {job: done}),

@@ -84,6 +84,8 @@ class DriveLoop:
     _jump: PoseJump = field(init=False)
     _previous: int = field(default=-1, init=False)
     """Number of the last sample."""
+    _busy: float = field(default=0.0, init=False)
+    """Time that the last sample took, s."""
     _sample: LoggedSample = field(default=_NOTHING, init=False)
     """What the present sample has logged so far."""
     _events: int = field(default=0, init=False)
@@ -164,10 +166,11 @@ class DriveLoop:
             self._stop(number, self.controls.stop_reason or lost)  # a signal ends a robot here too
         self._previous = number
         ended = self.clock.now()
-        self.timing.add(late, ended - began)
+        self._busy = ended - began
+        self.timing.add(late, self._busy)
         if self.sink is not None:
-            state, busy = self.machine.state, ended - began
-            self.sink.add(self._sample._replace(number=number, state=state, late=late, busy=busy))
+            noted = self._sample._replace(number=number, state=self.machine.state)
+            self.sink.add(noted._replace(late=late, busy=self._busy))
         behind = floor((ended - deadline) / self.dt)
         if passed + behind > 0:
             self.timing.misses += 1
@@ -254,8 +257,10 @@ class DriveLoop:
         """Run the pipeline and send its command."""
         gap = (number - self._previous) * self.dt
         if gap > MAX_AGE and number > self.progress.first:
-            reason = (
-                f"no command for {gap:.2f} s, more than {MAX_AGE:g} s: this process was stopped"
+            reason = f"no command for {gap:.2f} s, more than {MAX_AGE:g} s: " + (
+                f"the sample before took {self._busy:.2f} s"
+                if self._busy > 0.5 * gap
+                else "this process was stopped"
             )
             self._hold(number, reason, since=self._previous + 1, at_once=True)
             return

@@ -46,10 +46,14 @@ class RemainingReference(WindowReference):
         if t >= _EASE:
             return self.reference.window(self.done + t - 0.5 * _EASE, n, dt)
         times = np.maximum(t + dt * np.arange(n), 0.0)
-        share = np.minimum(times / _EASE, 1.0)
-        rate = 0.5 * (1.0 - np.cos(pi * share))
-        at = [self.done + self.progress(each) for each in times.tolist()]
-        rows = [self.reference.window(each, 1, 0.0)[0] for each in at]
-        setpoints: Float[Array, "n 6"] = np.array(rows)
-        setpoints[:, 3:] *= rate[:, None]
+        easing = int(np.count_nonzero(times < _EASE))  # they are the first ones
+        rate = 0.5 * (1.0 - np.cos(pi * times[:easing]))
+        at = [self.done + self.progress(each) for each in times[:easing].tolist()]
+        setpoints = np.empty((n, 6))
+        for k, each in enumerate(at):
+            setpoints[k] = self.reference.window(each, 1, 0.0)[0]
+        setpoints[:easing, 3:] *= rate[:, None]
+        if easing < n:
+            begin = self.done + float(times[easing]) - 0.5 * _EASE
+            setpoints[easing:] = self.reference.window(begin, n - easing, dt)
         return setpoints

@@ -8,9 +8,14 @@ import numpy as np
 
 from omnidrive.control import Pipeline
 from omnidrive.deploy.links.simulated import SimulatedRobot
-from omnidrive.scenario.jobs import make_controller, make_estimator, make_sensors, make_supervisor
 from omnidrive.scenario.planned_scenario import PlannedScenario
 from omnidrive.scenario.plants import new_plant
+from omnidrive.scenario.run_parts import (
+    make_controller,
+    make_estimator,
+    make_sensors,
+    make_supervisor,
+)
 
 _ANY_AGE = 1e6  # s; the largest limit of a scenario
 

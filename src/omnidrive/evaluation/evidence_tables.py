@@ -27,7 +27,7 @@ from omnidrive.evaluation.study_answer import (
 )
 from omnidrive.evaluation.table import NO_VALUE, Table, level_text, number_text
 from omnidrive.evaluation.uncertainty import p_text
-from omnidrive.evaluation.variance_shares import variance_shares
+from omnidrive.evaluation.variance_shares import MIN_REPETITIONS, variance_shares
 
 SECONDARY = (
     "mae", "max_error", "min_clearance", "collisions", "work", "wheel_acceleration", "recovered",
@@ -301,7 +301,8 @@ def _share_table(runs: RunTable, answers: Sequence[TaskAnswer]) -> Table:
         ("task", "quantity", "factor", "share of variance", "95 % interval"),
         tuple(rows),
         "Share of the variance over the runs that a factor explains alone (first-order Sobol' "
-        "index). What is missing to 100 % are interactions and random numbers.",
+        "index). What is missing to 100 % are interactions and random numbers. Intervals and "
+        f"random factors need {MIN_REPETITIONS} repetitions.",
         keys=3,
     )
 

@@ -16,7 +16,9 @@ class RepetitionMeans:
     """A metric in one task, by pairing, repetition and controller.
 
     Runs of one repetition have the same random numbers, also at different values of the axes: they
-    are not independent. A repetition therefore gives one value: its mean over the axis values.
+    are not independent. A repetition therefore gives one value: its mean over the axis values. The
+    repeats of a task have random numbers of their own; each counts as a repetition unless random
+    factors, whose sample they share, vary; see :attr:`RunTable.unit`.
 
     Attributes:
         task: The task.
@@ -51,9 +53,10 @@ class RepetitionMeans:
     ) -> Float[Array, "repetitions columns"]:
         count = int(self.repetition.max()) + 1 if len(self.repetition) else 0
         known = np.isfinite(values)
-        sums, counts = np.zeros((count, values.shape[1])), np.zeros((count, values.shape[1]))
-        np.add.at(sums, self.repetition, np.where(known, values, 0.0))
-        np.add.at(counts, self.repetition, known)
+        sums, counts = np.empty((count, values.shape[1])), np.empty((count, values.shape[1]))
+        for k, column in enumerate(np.where(known, values, 0.0).T):
+            sums[:, k] = np.bincount(self.repetition, column, count)
+            counts[:, k] = np.bincount(self.repetition, known[:, k], count)
         with np.errstate(invalid="ignore"):
             means: Float[Array, "repetitions columns"] = sums / np.where(counts > 0, counts, np.nan)
         return means
@@ -88,7 +91,7 @@ def _of_task(
     pairings, first, pairing = np.unique(
         runs.pairing[chosen], return_index=True, return_inverse=True
     )
-    _, repetition = np.unique(runs.repetition[chosen][first], return_inverse=True)
+    _, repetition = np.unique(runs.unit[chosen][first], return_inverse=True)
     shape = (len(pairings), len(labels))
     grid, planned, finished = np.full(shape, np.nan), np.zeros(shape, bool), np.zeros(shape, bool)
     grid[pairing, controller] = values[chosen]

@@ -155,12 +155,20 @@ def _kinematic_warnings(
         )
     gram = scaled.T @ scaled
     axes = ("x", "y", "yaw")
+    centred = hypot(
+        sum(mount.x for mount in robot.mounts), sum(mount.y for mount in robot.mounts)
+    ) < 0.01 * robot.mean_wheel_distance * len(robot.mounts)
+    cause = (
+        "is one of the angles of the wheels, or its sign, wrong?"
+        if centred
+        else "is the origin of the frame at their centre?"
+    )
     for i, j in ((0, 1), (0, 2), (1, 2)):
         coupling = float(gram[i, j] / np.sqrt(gram[i, i] * gram[j, j]))
         if abs(coupling) > _MAX_COUPLING:
             warnings.append(
                 f"asymmetric: the wheels couple {axes[i]} and {axes[j]} "
-                f"(correlation {coupling:.2f}); is the origin of the frame at their centre?"
+                f"(correlation {coupling:.2f}); {cause}"
             )
     radius, distance = robot.effective_radius, robot.mean_wheel_distance
     if radius < _MIN_EFFECTIVE_RADIUS * distance:

@@ -25,7 +25,7 @@ _SETTLING = tuple(f"settling_time_{axis}" for axis in STEP_AXES)
 
 IDENTITY = (
     "number", "key", "pairing", "controller", "task", "duration", "variant", "repetition",
-    "outcome", "finished",
+    "repeat", "outcome", "finished",
 )  # fmt: skip
 """Columns of every table of runs; factors and metrics follow."""
 
@@ -99,6 +99,17 @@ class RunTable:
         return self._integers("repetition")
 
     @cached_property
+    def unit(self) -> Int[Array, " runs"]:
+        """Index of the independent observation that each row belongs to.
+
+        It is the repetition, and the repeat in it where the task repeats its runs. The repeats of
+        one repetition share the sample of random factors: with these, it is the repetition alone.
+        """
+        repeat = 0 if self.random_factors else self._integers("repeat")
+        unit: Int[Array, " runs"] = self.repetition * self.repeats + repeat
+        return unit
+
+    @cached_property
     def pairing(self) -> Int[Array, " runs"]:
         """Index of everything except the controller of each row."""
         return self._integers("pairing")
@@ -113,6 +124,11 @@ class RunTable:
     def repetitions(self) -> int:
         """Number of different repetitions."""
         return len(np.unique(self.repetition))
+
+    @cached_property
+    def repeats(self) -> int:
+        """Number of runs in the tasks that repeat their runs with other noise; at least 1."""
+        return int(self._integers("repeat").max(initial=0)) + 1
 
     @cached_property
     def metrics(self) -> tuple[str, ...]:

@@ -92,7 +92,11 @@ class StopRule(NamedTuple):
         confidence = 1.0 - (1.0 - CONFIDENCE) / max(len(samples), 1)
         widths = [_half_width(values, confidence) for values in samples]
         widest = max(widths, default=inf)
-        needed = max((self._needed(values, confidence) for values in samples), default=inf)
+        shares = [runs.repetitions / len(values) for values in samples]  # 1 without repeats
+        needed = max(
+            (share * self._needed(values, confidence)
+             for share, values in zip(shares, samples, strict=True)), default=inf,
+        )  # fmt: skip
         return StopState(
             widest <= self.half_width, runs.repetitions, widest, needed,
             self._text(runs.repetitions, widest, needed),

@@ -97,8 +97,8 @@ class StudyDifference(NamedTuple):
 def study_difference(first: pa.Table, second: pa.Table) -> StudyDifference:
     """Compare two studies run by run.
 
-    Runs are matched by controller, task, duration, variant, repetition and the values of all
-    factors. Computing times are not compared.
+    Runs are matched by controller, task, duration, variant, repetition, repeat and the values of
+    all factors. Computing times are not compared.
 
     Args:
         first: Runs of the first study.
@@ -166,7 +166,7 @@ def _row(change: MetricChange) -> tuple[str, ...]:
 
 def _identities(table: pa.Table) -> Any:
     """Return what identifies each run: controller, task, repetition and factors."""
-    fixed = ("controller", "task", "duration", "variant", "repetition")
+    fixed = ("controller", "task", "duration", "variant", "repetition", "repeat")
     factors = sorted(name for name in table.column_names if name.startswith(FACTOR_PREFIX))
     columns = [table[name].to_pylist() for name in (*fixed, *factors)]
     head = tuple(factors)
@@ -190,7 +190,7 @@ def _changes(
             if not chosen.any():
                 continue
             change = (second - first)[chosen]
-            tested = difference_tests(_by_repetition(change, runs.repetition[rows][chosen]))[0]
+            tested = difference_tests(_by_repetition(change, runs.unit[rows][chosen]))[0]
             found.append(MetricChange(
                 task, name, quantity(metric), int(chosen.sum()), int((change == 0.0).sum()),
                 float(first[chosen].mean()), tested.estimate, tested.p,

@@ -90,7 +90,6 @@ def write_study_report(
         path = folder / "figures" / f"{each.name}.svg"
         save(each.figure, path)
         figures.append(PageFigure(each.title, each.caption, path.read_bytes()))
-        each.figure.set_layout_engine("none")  # the layout is that of the first file
         if "svg" not in formats:
             path.unlink()
         for suffix in formats:

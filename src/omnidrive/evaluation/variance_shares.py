@@ -15,6 +15,9 @@ _BINS = 8  # of a factor with more different values
 _RESAMPLES = 400
 _SEED = 19_930_101
 
+MIN_REPETITIONS = 10
+"""Fewer repetitions have no intervals of the shares."""
+
 CONTROLLER = "controller"
 """Name of the choice of the controller among the factors."""
 
@@ -57,7 +60,7 @@ def variance_shares(runs: RunTable, metric: str, task: Task) -> list[VarianceSha
     y = values[rows]
     if len(y) < 3 or y.std() <= 1e-12 * np.abs(y).max():
         return []
-    _, repetition = np.unique(runs.repetition[rows], return_inverse=True)
+    _, repetition = np.unique(runs.unit[rows], return_inverse=True)
     sample = _Sample(y - y.mean(), repetition.astype(np.int64))
     found = []
     if len(runs.controllers) > 1:
@@ -107,7 +110,7 @@ class _Sample(NamedTuple):
             for weights in (None, self.y, self.y**2)
         )
         share = float(_corrected(np.ones((1, shape[0])), counts, sums, squares, is_random)[0])
-        if shape[0] < 10:
+        if shape[0] < MIN_REPETITIONS:
             return share, nan, nan
         rng = np.random.default_rng([_SEED, shape[0]])
         draws = rng.integers(0, shape[0], (_RESAMPLES, shape[0]))

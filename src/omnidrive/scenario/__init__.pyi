@@ -1,15 +1,8 @@
-from .jobs import (
-    Job,
-    faults_of,
-    jobs_of,
-    make_controller,
-    make_estimator,
-    make_sensors,
-    make_supervisor,
-    run_job,
-)
 from .planned_scenario import PlannedScenario, plan_and_check, plan_scenario
 from .plants import make_plant
+from .run_parts import make_controller, make_estimator, make_sensors, make_supervisor
+from .run_settings import RunSettings, faults_of, settings_of_runs
+from .run_simulation import simulate_run
 from .scenario import Scenario, map_scenario, paper_scenario
 from .scenario_file import load_scenario, save_scenario
 from .sections import MapSection, RobotSection, SensorsSection, robot_section
@@ -17,15 +10,14 @@ from .tasks import Tasks, study_tasks
 from .timing import lengthen, one_task, plan_at, retime, with_task
 
 __all__ = [
-    "Job",
     "MapSection",
     "PlannedScenario",
     "RobotSection",
+    "RunSettings",
     "Scenario",
     "SensorsSection",
     "Tasks",
     "faults_of",
-    "jobs_of",
     "lengthen",
     "load_scenario",
     "make_controller",
@@ -41,8 +33,9 @@ __all__ = [
     "plan_scenario",
     "retime",
     "robot_section",
-    "run_job",
     "save_scenario",
+    "settings_of_runs",
+    "simulate_run",
     "study_tasks",
     "with_task",
 ]

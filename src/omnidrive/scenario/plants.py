@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from omnidrive import visualization  # imports only the modules in use
 from omnidrive.components import configure
 from omnidrive.errors import PART_ERRORS, one_line
 from omnidrive.maps import OccupancyGrid
@@ -17,7 +18,6 @@ from omnidrive.robot import Robot
 from omnidrive.scenario.planned_scenario import PlannedScenario
 from omnidrive.simulation import MovingObstacle, Plant
 from omnidrive.simulation.components import PlantContext
-from omnidrive.visualization import Observer, observe
 
 _log = logging.getLogger(__name__)
 
@@ -82,7 +82,7 @@ def plant_of(
     repeat: int = 0,
     *,
     on_map: bool = True,
-    observers: Sequence[Observer] = (),
+    observers: Sequence[visualization.Observer] = (),
 ) -> Iterator[Plant]:
     """Yield the plant of a scenario, and close it at the end.
 
@@ -97,7 +97,10 @@ def plant_of(
     obstacles = planned.obstacles if on_map else None
     moving = _moving_obstacles(planned) if on_map else ()
     try:
-        yield observe(
+        if not observers:
+            yield plant
+            return
+        yield visualization.observe(
             plant, planned.plant_robot, reference, observers, obstacles=obstacles, moving=moving
         )
     finally:

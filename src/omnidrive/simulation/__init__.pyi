@@ -12,6 +12,7 @@ from .disturbances.disturbances import (
 )
 from .identification.identify_lag import identify_lag
 from .kinematic import KinematicPlant
+from .log_file import load_run
 from .loop import simulate
 from .moving_obstacle import MovingObstacle
 from .mujoco.plant import MujocoPlant
@@ -70,6 +71,7 @@ __all__ = [
     "check_robot",
     "default_faults",
     "identify_lag",
+    "load_run",
     "parse_fault",
     "run_generators",
     "simulate",

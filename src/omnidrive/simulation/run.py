@@ -113,11 +113,19 @@ class Run:
 
     @property
     def columns(self) -> tuple[LogColumn, ...]:
-        """All quantities of the log; only ``step_time`` is not reproducible."""
+        """All quantities of the log; only ``step_time`` is not reproducible.
+
+        Standard deviations are there if a sample has them.
+        """
+        sigmas = (
+            LogColumn("position_sigma", "m", self.position_sigma),
+            LogColumn("yaw_sigma", "rad", self.yaw_sigma),
+        )
         return (
             LogColumn("t", "s", self.t),
             *vector_columns("", POSE, self.pose),
             *vector_columns("measured_", POSE, self.measured),
+            *(each for each in sigmas if not np.isnan(each.values).all()),
             *vector_columns("target_", POSE, self.target),
             *vector_columns("command_", TWIST, self.command),
             *vector_columns("actual_", TWIST, self.twist),
@@ -144,7 +152,7 @@ class Run:
         return log_frame(self.columns)
 
     def save(self, path: StrPath) -> None:
-        """Write the log to a file.
+        """Write the log to a file; :func:`~omnidrive.load_run` reads Parquet files.
 
         Args:
             path: File name; an existing file is overwritten. The suffix selects the format:
@@ -155,11 +163,9 @@ class Run:
             MissingExtra: The suffix is .mcap, and the package mcap is not installed.
             CannotWrite: The file cannot be written.
         """
-        path = to_path(path)
-        from omnidrive.simulation.log_file import save_log  # noqa: PLC0415 - takes a second
+        from omnidrive.simulation.log_file import save_run  # noqa: PLC0415 - takes a second
 
-        events = [*self.events, Event(float(self.t[-1]), f"end: {self.ending}")]
-        save_log(self.columns, events, path)
+        save_run(self, to_path(path))
 
     def _repr_html_(self) -> str:
         """Return drawing and main results for notebooks."""

@@ -1,4 +1,4 @@
-"""Planned runs that compiled loops can simulate, many at once, with the results of ``run_job``."""
+"""Simulation of planned runs in compiled loops, many at once, with the records of single runs."""
 
 from __future__ import annotations
 
@@ -17,15 +17,11 @@ from omnidrive.evaluation import StepResponse, step_response
 from omnidrive.evaluation.metrics import LoggedRuns, measure_many
 from omnidrive.geometry import Pose, check_heading
 from omnidrive.reference import Hold, Reference
-from omnidrive.scenario.jobs import (
-    job_seed,
-    make_controller,
-    make_supervisor,
-    reference_of,
-    start_of,
-)
 from omnidrive.scenario.planned_scenario import PlannedScenario
 from omnidrive.scenario.plants import plant_of
+from omnidrive.scenario.run_parts import make_controller, make_supervisor
+from omnidrive.scenario.run_settings import run_seed
+from omnidrive.scenario.run_simulation import reference_of, start_of
 from omnidrive.simulation import KinematicPlant, PlanarPlant
 from omnidrive.simulation.batch.closed_loops import BatchRun, ClosedLoops, LoopLogs
 from omnidrive.simulation.batch.loop import (
@@ -64,8 +60,8 @@ def batched_records(
 
     A run is one of them if its plant and its controller have compiled code, the poses are exact or
     have the paper's noise, no fault occurs, it reaches the end of its reference, and the supervisor
-    does not act. Its record is that of :func:`~omnidrive.scenario.run_job`, but without computing
-    times.
+    does not act. Its record is that of :func:`~omnidrive.scenario.simulate_run`, but without
+    computing times.
 
     Args:
         runs: The runs.
@@ -85,18 +81,18 @@ def batched_records(
 def _is_simple(run: PlannedRun) -> bool:
     """Return whether a run has neither faults nor sensors, and one of the compiled plants."""
     scenario = run.scenario
-    is_plain = scenario.sensors is None and not scenario.faults and run.job.fault == 0
+    is_plain = scenario.sensors is None and not scenario.faults and run.settings.fault == 0
     return is_plain and not run.refused and scenario.plant.type in _PLANTS
 
 
 def _group_of(run: PlannedRun, planned: PlannedScenario) -> tuple[object, ...]:
     """Return what runs with the same closed loop have in common."""
-    scenario, job = run.scenario, run.job
+    scenario, settings = run.scenario, run.settings
     sections = (getattr(scenario, name) for name in _GROUPED_BY)
-    phases = (scenario.seed, job.repeat) if scenario.true_robot.roller_phase else ()
+    phases = (scenario.seed, settings.repeat) if scenario.true_robot.roller_phase else ()
     return (
-        id(planned.path), id(scenario.controllers[job.controller]), *map(_identity, sections),
-        job.controller, job.horizon, phases,
+        id(planned.path), id(scenario.controllers[settings.controller]), *map(_identity, sections),
+        settings.controller, settings.horizon, phases,
     )  # fmt: skip
 
 
@@ -113,8 +109,8 @@ def _group_records(
         return
     by_motion: dict[tuple[str, float], list[int]] = {}
     for index in indices:
-        job = runs[index].job
-        by_motion.setdefault((job.task, job.duration), []).append(index)
+        settings = runs[index].settings
+        by_motion.setdefault((settings.task, settings.duration), []).append(index)
     for each in by_motion.values():
         with suppress(OmnidriveError):  # a motion that is too fast, which concerns no other one
             yield from loop.records(runs, each)
@@ -136,15 +132,17 @@ class _Loop:
         Raises:
             OmnidriveError: A part cannot be made.
         """
-        scenario, job = run.scenario, run.job
-        rng = np.random.default_rng([*job_seed(scenario, job), 2])
+        scenario, settings = run.scenario, run.settings
+        rng = np.random.default_rng([*run_seed(scenario, settings), 2])
         before = str(rng.bit_generator.state)
-        controller = make_controller(scenario, planned.robot, job.controller, job.horizon, rng)
+        controller = make_controller(
+            scenario, planned.robot, settings.controller, settings.horizon, rng
+        )
         spawned = getattr(rng.bit_generator.seed_seq, "n_children_spawned", 0)
         if str(rng.bit_generator.state) != before or spawned:
             return None  # each run has a controller of its own
-        rest = Hold(planned.start, job.duration)  # only observers of the plant need the motion
-        with plant_of(planned, rest, job.repeat, on_map=False) as plant:
+        rest = Hold(planned.start, settings.duration)  # only observers of the plant need the motion
+        with plant_of(planned, rest, settings.repeat, on_map=False) as plant:
             if type(plant) not in {KinematicPlant, PlanarPlant}:
                 return None
             try:
@@ -156,9 +154,9 @@ class _Loop:
         self, runs: Sequence[PlannedRun], indices: Sequence[int]
     ) -> Iterator[tuple[int, RunRecord]]:
         """Yield the records of runs on one motion."""
-        job = runs[indices[0]].job
-        reference = reference_of(self._planned, job)
-        start = start_of(self._planned, job, reference)
+        settings = runs[indices[0]].settings
+        reference = reference_of(self._planned, settings)
+        start = start_of(self._planned, settings, reference)
         samples = self._sampler.samples(reference, None, lambda: np.random.default_rng(0))
         _check(start, samples)
         due = self._due(reference, samples)
@@ -207,7 +205,7 @@ class _Loop:
     ) -> list[RunRecord]:
         """Return the records of finished runs on one motion."""
         pose, samples = logs.columns(LOG_POSE, 3), logs.samples
-        if runs[0].job.task == "step":
+        if runs[0].settings.task == "step":
             goal = Pose(*samples.targets[0].tolist())
             responses = [_responses(samples.times, each, start, goal) for each in pose]
             return [
@@ -225,7 +223,7 @@ class _Loop:
             (logs.rows[:, :, LOG_STATUS] == Status.FALLBACK).sum(axis=1),
         )
         clearances: list[float | None] = [None] * len(runs)
-        if runs[0].job.task != "faults":
+        if runs[0].settings.task != "faults":
             clearances = self._planned.clearances(pose[:, :, :2]).tolist()
         found = zip(runs, measure_many(logged), clearances, strict=True)
         return [finished_record(run, *tracking_values(m, 0, c)) for run, m, c in found]
@@ -239,8 +237,8 @@ def _check(start: Pose, samples: RunSamples) -> None:
 
 
 def _batch_run(run: PlannedRun, samples: RunSamples, start: Pose) -> BatchRun:
-    is_noisy = run.job.task == "noise"
-    noise = np.random.default_rng(job_seed(run.scenario, run.job)) if is_noisy else None
+    is_noisy = run.settings.task == "noise"
+    noise = np.random.default_rng(run_seed(run.scenario, run.settings)) if is_noisy else None
     return BatchRun(samples, start, noise)
 
 

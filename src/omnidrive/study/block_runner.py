@@ -12,8 +12,8 @@ from omnidrive.errors import OmnidriveError
 from omnidrive.evaluation.recovery import Recovery, recovery
 from omnidrive.evaluation.results import FaultResult
 from omnidrive.parameter import check_choice
-from omnidrive.scenario.jobs import Result, run_job
 from omnidrive.scenario.planned_scenario import PlannedScenario, plan_scenario
+from omnidrive.scenario.run_simulation import Result, simulate_run
 from omnidrive.scenario.variant import robot_in
 from omnidrive.simulation import Run
 from omnidrive.study.batched_runs import batched_records
@@ -67,7 +67,7 @@ def _record(run: PlannedRun) -> tuple[RunRecord, Run | None]:
         return refused_record(run, run.refused), None
     try:
         planned = _plans.planned(run)
-        result = run_job(planned, run.job)
+        result = simulate_run(planned, run.settings)
         return record_of(run, result, _recovery(planned, result, run)), result.run
     except OmnidriveError as error:
         return refused_record(run, str(error)), None
@@ -80,8 +80,8 @@ def _recovery(planned: PlannedScenario, result: Result, run: PlannedRun) -> Reco
     if result.fault is None:
         _undisturbed.put(run.key, result.run)
         return None
-    job = run.job._replace(fault=0)
-    nominal = _undisturbed.get(run.nominal, lambda: run_job(planned, job).run)
+    settings = run.settings._replace(fault=0)
+    nominal = _undisturbed.get(run.nominal, lambda: simulate_run(planned, settings).run)
     return recovery(result.run, nominal, result.fault.at)
 
 

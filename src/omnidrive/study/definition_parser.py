@@ -13,7 +13,7 @@ from omnidrive.choices import TaskName
 from omnidrive.components.code import CodePermission
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidInput, InvalidStudy, one_line, short_repr, suggestion
-from omnidrive.scenario.jobs import Job, jobs_of
+from omnidrive.scenario.run_settings import RunSettings, settings_of_runs
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.scenario.scenario_file import problems_of, scenario_data
 from omnidrive.scenario.scenario_path import Keys, Setting, find_keys, relocated, value_at
@@ -198,10 +198,10 @@ class DefinitionParser:
         self.problems.append(text if f"'{path}'" in text else f"{one_line(path, 80)}: {text}")
 
 
-def _runs(scenario: Scenario) -> list[Job]:
+def _runs(scenario: Scenario) -> list[RunSettings]:
     """Return the runs of a scenario, whatever the horizons of its controllers."""
-    jobs = jobs_of(scenario)
-    return [each if each.task == "horizon" else each._replace(horizon=None) for each in jobs]
+    found = settings_of_runs(scenario)
+    return [each if each.task == "horizon" else each._replace(horizon=None) for each in found]
 
 
 def _label(label: Label, settings: tuple[Setting, ...]) -> Label:

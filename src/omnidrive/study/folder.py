@@ -9,12 +9,10 @@ from itertools import count
 from pathlib import Path
 from shutil import copyfile
 
-import pyarrow.parquet as pq
-
 from omnidrive.choices import WAYPOINTS
 from omnidrive.components import configure
 from omnidrive.evaluation import StudyResults
-from omnidrive.files.output_file import output_file, remove_abandoned, write_errors
+from omnidrive.files.output_file import create_folder, output_file, remove_abandoned, write_errors
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps import save_nav2_map
 from omnidrive.robot import is_robot_file, save_robot
@@ -23,7 +21,6 @@ from omnidrive.scenario.scenario import Scenario
 from omnidrive.scenario.scenario_file import save_scenario
 from omnidrive.scenario.sections import RobotSection
 from omnidrive.simulation import Run
-from omnidrive.simulation.log_file import log_table
 from omnidrive.study.output_paths import check_study_folder
 from omnidrive.study.results_data import results_data
 
@@ -79,10 +76,8 @@ class RunFolder:
         Raises:
             CannotWrite: The file cannot be written.
         """
-        with self._file(f"series/{name}.parquet") as part:
-            part.parent.mkdir(exist_ok=True)
-            with part.open("wb") as file:  # pyarrow refuses names that are not UTF-8
-                pq.write_table(log_table(run.columns), file)
+        create_folder(self.path / "series")
+        run.save(self.path / f"series/{name}.parquet")
 
     def save_results(
         self,

@@ -6,13 +6,14 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from omnidrive import visualization  # imports only the modules in use
 from omnidrive.execution.engine import ListSource, Work, execute_blocks, must_be_in_process
 from omnidrive.execution.worker_pool import Lost
-from omnidrive.scenario.jobs import Job, Result, job_name, run_job, unfinished
 from omnidrive.scenario.planned_scenario import PlannedScenario
+from omnidrive.scenario.run_settings import RunSettings, run_name
+from omnidrive.scenario.run_simulation import Result, simulate_run, unfinished
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.simulation import Outcome
-from omnidrive.visualization import Observer
 
 _COMPILE_TIMES = {
     "holonomic-nmpc": 16.0, "fuzzy_t1": 9.0, "unicycle-nmpc": 3.0, "fuzzy_t2": 2.0, "fuzzy_t3": 2.0,
@@ -22,12 +23,12 @@ _COMPILE_TIMES = {
 
 def execute_jobs(
     planned: PlannedScenario,
-    jobs: Sequence[Job],
+    jobs: Sequence[RunSettings],
     processes: int,
-    observers: Sequence[Observer] = (),
+    observers: Sequence[visualization.Observer] = (),
     *,
     run_timeout: float | None = None,
-) -> Generator[tuple[Job, Result], None, None]:
+) -> Generator[tuple[RunSettings, Result], None, None]:
     """Yield each job and its result when it is finished.
 
     The order depends on ``processes``, the results do not: every run has its own plant, controller
@@ -51,7 +52,7 @@ def execute_jobs(
     work = Work(
         _Observed(planned, tuple(observers)) if here else _Alone(planned),
         partial(_lost, planned, run_timeout),
-        partial(job_name, planned),
+        partial(run_name, planned.scenario),
         largest=1,
     )
     count = min(processes, max(len(queue), 1))
@@ -62,7 +63,7 @@ def execute_jobs(
         yield from results
 
 
-def is_sequential(scenario: Scenario, observers: Sequence[Observer] = ()) -> bool:
+def is_sequential(scenario: Scenario, observers: Sequence[visualization.Observer] = ()) -> bool:
     """Return whether the runs must be executed in this process.
 
     That is so if there are observers, if the plant is exclusive, if a component was typed into a
@@ -77,7 +78,7 @@ def is_sequential(scenario: Scenario, observers: Sequence[Observer] = ()) -> boo
     )
 
 
-def _starting_order(scenario: Scenario, jobs: Sequence[Job]) -> list[Job]:
+def _starting_order(scenario: Scenario, jobs: Sequence[RunSettings]) -> list[RunSettings]:
     """Sort runs: one run of each controller first, then the longest ones.
 
     On an empty cache the first runs compile the kernels of different controllers at the same time,
@@ -95,11 +96,11 @@ class _Observed:
     """Function that executes runs in this process."""
 
     planned: PlannedScenario
-    observers: tuple[Observer, ...]
+    observers: tuple[visualization.Observer, ...]
 
-    def __call__(self, jobs: Sequence[Job]) -> list[tuple[Job, Result]]:
+    def __call__(self, jobs: Sequence[RunSettings]) -> list[tuple[RunSettings, Result]]:
         """Return runs and their results."""
-        return [(job, run_job(self.planned, job, self.observers)) for job in jobs]
+        return [(job, simulate_run(self.planned, job, self.observers)) for job in jobs]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,18 +109,18 @@ class _Alone:
 
     planned: PlannedScenario
 
-    def __call__(self, jobs: Sequence[Job]) -> list[tuple[Job, Result]]:
+    def __call__(self, jobs: Sequence[RunSettings]) -> list[tuple[RunSettings, Result]]:
         """Return runs and their results."""
         return [(job, self._result(job)) for job in jobs]
 
-    def _result(self, job: Job) -> Result:
+    def _result(self, job: RunSettings) -> Result:
         """Return the result of a run.
 
         KeyboardInterrupt and the like end this run only, because a component raised them: the
         process ignores the signals of the terminal.
         """
         try:
-            return run_job(self.planned, job)
+            return simulate_run(self.planned, job)
         except Exception:
             raise
         except BaseException as error:
@@ -128,8 +129,8 @@ class _Alone:
 
 
 def _lost(
-    planned: PlannedScenario, run_timeout: float | None, job: Job, lost: Lost
-) -> tuple[Job, Result]:
+    planned: PlannedScenario, run_timeout: float | None, job: RunSettings, lost: Lost
+) -> tuple[RunSettings, Result]:
     """Return a run whose process was lost, and its result."""
     if lost is Lost.TIMED_OUT:
         return job, unfinished(planned, job, Outcome.TIMED_OUT, f"{run_timeout:g} s")

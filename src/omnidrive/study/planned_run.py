@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from omnidrive.scenario.jobs import Job
+from omnidrive.scenario.run_settings import RunSettings
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.study.run_key import PlanKeys
 
@@ -22,8 +22,8 @@ class PlannedRun(NamedTuple):
     """Value of each axis and each random factor, by its dotted path in the scenario."""
     scenario: Scenario
     """The scenario with these values."""
-    job: Job
-    """The run of that scenario."""
+    settings: RunSettings
+    """Task, controller, duration, horizon, repeat and fault of the run of that scenario."""
     repetition: int = 0
     """Index of the repetition, from 0."""
     refused: str = ""

@@ -21,6 +21,7 @@ _FIXED = {
     "duration": pa.float64(),
     "variant": pa.dictionary(pa.int32(), pa.string()),
     "repetition": pa.int64(),
+    "repeat": pa.int64(),
     "outcome": pa.dictionary(pa.int32(), pa.string()),
     "finished": pa.bool_(),
 }
@@ -173,12 +174,12 @@ def _float_columns(
         content = b"".join([floats[k] for k in rows])
         if any(len(floats[k]) != 8 * count for k in rows):
             raise ValueError("the number of metrics is wrong")
-        matrix = np.frombuffer(content, "<f8").reshape(len(rows), count)
+        matrix, index = np.frombuffer(content, "<f8").reshape(len(rows), count), np.array(rows)
         for kind, first in ((0, 0), (1, len(names[0]))):
             for column, name in enumerate(names[kind], first):
                 array = values[kind].setdefault(name, np.zeros(len(texts)))
                 mask = known[kind].setdefault(name, np.zeros(len(texts), dtype=bool))
-                array[rows], mask[rows] = matrix[:, column], True
+                array[index], mask[index] = matrix[:, column], True
     for kind in (0, 1):
         for name, array in values[kind].items():
             found[kind][name] = pa.array(array, pa.float64(), mask=~known[kind][name])

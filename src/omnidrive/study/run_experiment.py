@@ -14,7 +14,7 @@ from typing import Any
 from omnidrive.components.code import CodePermission, allow, allowed_code
 from omnidrive.errors import CannotWrite, one_line
 from omnidrive.evaluation.stop_rule import StopRule
-from omnidrive.files.output_file import create_folder, output_file, remove_abandoned
+from omnidrive.files.output_file import create_folder, remove_abandoned
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.simulation import Run
 from omnidrive.study.block_runner import run_block
@@ -151,16 +151,8 @@ class NumberedRuns:
 
     def _save(self, run: PlannedRun, log: Run) -> None:
         """Write the time series of a run to ``series/NUMBER.parquet``."""
-        import pyarrow.parquet as pq  # noqa: PLC0415 - takes a second
-
-        from omnidrive.simulation.log_file import log_table  # noqa: PLC0415
-
         create_folder(self.folder)
-        with (
-            output_file(self.folder / f"{run.number:06d}.parquet") as part,
-            part.open("wb") as file,
-        ):
-            pq.write_table(log_table(log.columns), file)
+        log.save(self.folder / f"{run.number:06d}.parquet")
 
 
 @dataclass(frozen=True, slots=True)

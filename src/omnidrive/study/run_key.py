@@ -24,7 +24,7 @@ from omnidrive.execution.versions import VERSIONS
 from omnidrive.files.bounded_file import read_bounded
 from omnidrive.maps import load_map
 from omnidrive.scenario.controller_file import system_file
-from omnidrive.scenario.jobs import Job
+from omnidrive.scenario.run_settings import RunSettings
 from omnidrive.scenario.scenario_path import CODE_SECTIONS
 from omnidrive.scenario.variant import robot_in
 
@@ -74,18 +74,22 @@ class KeyMaker:
         return PlanKeys(*(sha256(text.encode()).hexdigest() for text in (motion, robot)))
 
     def key(
-        self, scenario_text: str, controller: Mapping[str, Any], job: Job, parts: Mapping[str, Any]
+        self,
+        scenario_text: str,
+        controller: Mapping[str, Any],
+        settings: RunSettings,
+        parts: Mapping[str, Any],
     ) -> str:
         """Return the key of a run.
 
         Args:
             scenario_text: Text of its scenario.
             controller: Data of its controller.
-            job: The run.
+            settings: The run.
             parts: Further data of the task, such as the fault.
         """
-        own = self._text(f"controllers.{job.controller}", controller)
-        text = "\n".join([scenario_text, own, _canonical([*job[:-1], plain(dict(parts))])])
+        own = self._text(f"controllers.{settings.controller}", controller)
+        text = "\n".join([scenario_text, own, _canonical([*settings[:-1], plain(dict(parts))])])
         return sha256(text.encode()).hexdigest()
 
     def _text(self, name: str, value: Any) -> str:

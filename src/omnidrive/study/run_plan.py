@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from omnidrive.components.code import CodePermission
 from omnidrive.components.fields import plain
 from omnidrive.errors import InvalidStudy
-from omnidrive.scenario.jobs import Job, faults_of, horizon_of, jobs_of
+from omnidrive.scenario.run_settings import RunSettings, faults_of, horizon_of, settings_of_runs
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.scenario.scenario_file import listed, problems_of
 from omnidrive.scenario.scenario_path import Keys, Setting
@@ -29,14 +29,14 @@ LARGE = 10_000_000
 """Number of runs from which a study asks for a confirmation."""
 
 _MAX_GROUPS = 100_000  # combinations of the axes that decide which runs there are
-_MAX_JOB_LISTS = 10_000  # of these, combinations of the axes that change tasks or controllers
+_MAX_RUN_LISTS = 10_000  # of these, combinations of the axes that change tasks or controllers
 _KEPT = 1024  # variants that are kept
 
 
-class _JobList(NamedTuple):
+class _RunList(NamedTuple):
     """Runs of each variant of a group of variants."""
 
-    jobs: tuple[Job, ...]
+    settings: tuple[RunSettings, ...]
     pairs: tuple[int, ...]
     """Index of each run among those that differ not only by the controller."""
     pair_count: int
@@ -80,13 +80,13 @@ class RunPlan(Sequence[PlannedRun]):
         self._scenarios: OrderedDict[tuple[int, ...], tuple[Scenario, str]] = OrderedDict()
         axes = definition.axes
         used = {i for each in (*definition.where, *definition.leave_out) for i in each.values}
-        self._job_axes = [i for i, axis in enumerate(axes) if _changes_jobs(axis)]
-        self._grouped = sorted({*used, *self._job_axes})
+        self._run_axes = [i for i, axis in enumerate(axes) if _changes_runs(axis)]
+        self._grouped = sorted({*used, *self._run_axes})
         self._others = [i for i in range(len(axes)) if i not in self._grouped]
         self._sizes = [len(axes[i].settings) for i in self._others]
         self._multiple = prod(self._sizes)
-        self._groups = self._job_lists()
-        runs = [self._multiple * len(each.jobs) for each in self._groups]
+        self._groups = self._run_lists()
+        runs = [self._multiple * len(each.settings) for each in self._groups]
         pairs = [self._multiple * each.pair_count for each in self._groups]
         self._starts = [0, *accumulate(runs)]
         self._pair_starts = [0, *accumulate(pairs)]
@@ -122,40 +122,40 @@ class RunPlan(Sequence[PlannedRun]):
 
     def _run(self, number: int) -> PlannedRun:
         repetition, group, values, index = place = self._place(number)
-        jobs = self._groups[group]
+        runs = self._groups[group]
         variant = self._variant(repetition, group, values)
         pairing = repetition * self._pair_starts[-1] + self._pair_starts[group]
-        pairing += values * jobs.pair_count + jobs.pairs[index]
+        pairing += values * runs.pair_count + runs.pairs[index]
         scenario, refused = self._scenario(repetition, group, values)
-        job = jobs.jobs[index]
-        if self.definition.random.factors and job.task != "horizon":  # of a random controller
-            job = job._replace(horizon=horizon_of(scenario, job.controller))
+        settings = runs.settings[index]
+        if self.definition.random.factors and settings.task != "horizon":  # of a random controller
+            settings = settings._replace(horizon=horizon_of(scenario, settings.controller))
         return PlannedRun(
-            number, self._key(*place), pairing, dict(variant.factors), scenario, job, repetition,
-            refused, variant.plan_keys, self._nominal(variant, group, index),
+            number, self._key(*place), pairing, dict(variant.factors), scenario, settings,
+            repetition, refused, variant.plan_keys, self._nominal(variant, group, index),
         )  # fmt: skip
 
     def _place(self, number: int) -> tuple[int, int, int, int]:
         """Return repetition, group, index of the other axes' values and index of the run there."""
         repetition, rest = divmod(number, self.per_repetition)
         group = bisect_right(self._starts, rest) - 1
-        values, index = divmod(rest - self._starts[group], len(self._groups[group].jobs))
+        values, index = divmod(rest - self._starts[group], len(self._groups[group].settings))
         return repetition, group, values, index
 
     def _key(self, repetition: int, group: int, values: int, index: int) -> str:
         variant = self._variant(repetition, group, values)
-        jobs = self._groups[group]
-        job = jobs.jobs[index]
-        controller = variant.data["controllers"][job.controller]
-        return self._keys.key(variant.text, controller, job, jobs.parts[index])
+        runs = self._groups[group]
+        settings = runs.settings[index]
+        controller = variant.data["controllers"][settings.controller]
+        return self._keys.key(variant.text, controller, settings, runs.parts[index])
 
     def _nominal(self, variant: _Variant, group: int, index: int) -> str:
         """Return the key of the run without the fault of a run; "" in other tasks."""
-        job = self._groups[group].jobs[index]
-        if job.task != "faults":
+        settings = self._groups[group].settings[index]
+        if settings.task != "faults":
             return ""
-        controller = variant.data["controllers"][job.controller]
-        return self._keys.key(variant.text, controller, job._replace(fault=0), {"fault": None})
+        controller = variant.data["controllers"][settings.controller]
+        return self._keys.key(variant.text, controller, settings._replace(fault=0), {"fault": None})
 
     def _indices(self, group: int, values: int) -> list[int]:
         """Return the index of the value of each axis."""
@@ -228,35 +228,35 @@ class RunPlan(Sequence[PlannedRun]):
         except ValidationError as error:
             raise InvalidStudy(f"these values together: {listed(problems_of(error))}") from None
 
-    def _job_lists(self) -> list[_JobList]:
+    def _run_lists(self) -> list[_RunList]:
         """Return the runs of each combination of the axes that decide which runs there are."""
         axes = self.definition.axes
         count = prod(len(axes[i].settings) for i in self._grouped)
-        lists = prod(len(axes[i].settings) for i in self._job_axes)
-        if count > _MAX_GROUPS or lists > _MAX_JOB_LISTS:
+        lists = prod(len(axes[i].settings) for i in self._run_axes)
+        if count > _MAX_GROUPS or lists > _MAX_RUN_LISTS:
             raise InvalidStudy(
                 f"axes of tasks and controllers and those in conditions have {count} combinations, "
-                f"need at most {_MAX_GROUPS}, and {_MAX_JOB_LISTS} of the former; use fewer "
+                f"need at most {_MAX_GROUPS}, and {_MAX_RUN_LISTS} of the former; use fewer "
                 "values there"
             )
-        made: dict[tuple[Any, ...], _JobList] = {}
+        made: dict[tuple[Any, ...], _RunList] = {}
         found = []
         for indices in product(*(range(len(axes[i].settings)) for i in self._grouped)):
             chosen = dict(zip(self._grouped, indices, strict=True))
-            of_jobs = tuple(chosen[i] for i in self._job_axes)
+            of_runs = tuple(chosen[i] for i in self._run_axes)
             where, leave_out = (
                 _matched(each, chosen)
                 for each in (self.definition.where, self.definition.leave_out)
             )
-            place = of_jobs, where, leave_out
+            place = of_runs, where, leave_out
             if place not in made:
-                made[place] = self._job_list(of_jobs, where, leave_out)
+                made[place] = self._run_list(of_runs, where, leave_out)
             found.append(made[place])
         return found
 
-    def _job_list(
+    def _run_list(
         self, values: Sequence[int], where: tuple[int, ...], leave_out: tuple[int, ...]
-    ) -> _JobList:
+    ) -> _RunList:
         """Return the runs that conditions leave, for values of the axes that change the runs.
 
         Args:
@@ -266,39 +266,39 @@ class RunPlan(Sequence[PlannedRun]):
         """
         definition = self.definition
         axes = definition.axes
-        settings = [
+        of_axes = [
             setting
-            for i, value in zip(self._job_axes, values, strict=True)
+            for i, value in zip(self._run_axes, values, strict=True)
             for setting in axes[i].settings[value]
         ]
-        data = variant_data(definition.data, settings)
-        scenario = self._checked(data, changed_sections(settings))
+        data = variant_data(definition.data, of_axes)
+        scenario = self._checked(data, changed_sections(of_axes))
 
-        def is_planned(job: Job) -> bool:
-            """Return whether ``where`` and ``leave_out`` keep a job."""
-            wanted = not definition.where or any(_fits(definition.where[i], job) for i in where)
-            return wanted and not any(_fits(definition.leave_out[i], job) for i in leave_out)
+        def is_planned(run: RunSettings) -> bool:
+            """Return whether ``where`` and ``leave_out`` keep a run."""
+            wanted = not definition.where or any(_fits(definition.where[i], run) for i in where)
+            return wanted and not any(_fits(definition.leave_out[i], run) for i in leave_out)
 
-        jobs = tuple(job for job in jobs_of(scenario) if is_planned(job))
+        settings = tuple(run for run in settings_of_runs(scenario) if is_planned(run))
         pairs: dict[tuple[Any, ...], int] = {}
-        indices = tuple(pairs.setdefault(_pair_of(job), len(pairs)) for job in jobs)
+        indices = tuple(pairs.setdefault(_pair_of(run), len(pairs)) for run in settings)
         faults = (None, *faults_of(scenario))
         step = scenario.tasks.step
         parts = tuple(
-            {"fault": plain(faults[job.fault])} if job.task == "faults"
-            else {"displacement": plain(step.displacement)} if job.task == "step" and step
+            {"fault": plain(faults[run.fault])} if run.task == "faults"
+            else {"displacement": plain(step.displacement)} if run.task == "step" and step
             else {}
-            for job in jobs
+            for run in settings
         )  # fmt: skip
-        return _JobList(jobs, indices, len(pairs), parts)
+        return _RunList(settings, indices, len(pairs), parts)
 
 
-def _changes_jobs(axis: Axis) -> bool:
+def _changes_runs(axis: Axis) -> bool:
     """Return whether values of an axis can change which runs a scenario has."""
-    return any(map(_key_changes_jobs, axis.keys))
+    return any(map(_key_changes_runs, axis.keys))
 
 
-def _key_changes_jobs(keys: Keys) -> bool:
+def _key_changes_runs(keys: Keys) -> bool:
     head = keys[0]
     if head == "controllers":
         return len(keys) < 3 or keys[2] in {"type", "horizon"}
@@ -314,14 +314,14 @@ def _matched(conditions: Sequence[Condition], chosen: dict[int, int]) -> tuple[i
     )
 
 
-def _fits(condition: Condition, job: Job) -> bool:
-    return all(getattr(job, name) in values for name, values in condition.run.items())
+def _fits(condition: Condition, run: RunSettings) -> bool:
+    return all(getattr(run, name) in values for name, values in condition.run.items())
 
 
-def _pair_of(job: Job) -> tuple[Any, ...]:
+def _pair_of(run: RunSettings) -> tuple[Any, ...]:
     """Return the fields of a run that runs of other controllers share."""
-    horizon = job.horizon if job.task == "horizon" else None
-    return job.task, job.duration, horizon, job.repeat, job.fault
+    horizon = run.horizon if run.task == "horizon" else None
+    return run.task, run.duration, horizon, run.repeat, run.fault
 
 
 def check_size(plan: RunPlan, *, confirmed: bool = False) -> None:

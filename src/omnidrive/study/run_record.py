@@ -25,6 +25,7 @@ class RunRecord:
         controller: Label of the controller.
         task: Task of the study.
         repetition: Index of the repetition, from 0.
+        repeat: Index of the run in a task that repeats its runs with other noise, from 0.
         factors: Value of each axis and each random factor, by its dotted path in the scenario.
         outcome: Name of the :class:`~omnidrive.simulation.Outcome` in lower case, or ``refused``.
         finished: Whether the run reached the end of its reference.
@@ -52,3 +53,4 @@ class RunRecord:
     detail: str = ""
     duration: float = 0.0
     variant: str = ""
+    repeat: int = 0

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from omnidrive.evaluation import Metrics, Recovery, StepResponse, StepResult, TrackResult
 from omnidrive.evaluation.step_response import STEP_AXES
-from omnidrive.scenario.jobs import Result, faults_of
+from omnidrive.scenario.run_settings import faults_of
+from omnidrive.scenario.run_simulation import Result
 from omnidrive.simulation import Outcome
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_record import MAX_DETAIL, TIMING, Factor, RunRecord
@@ -24,12 +25,13 @@ def relabelled(record: RunRecord, run: PlannedRun) -> RunRecord:
         record,
         number=run.number,
         pairing=run.pairing,
-        controller=run.job.controller,
-        task=run.job.task,
+        controller=run.settings.controller,
+        task=run.settings.task,
         repetition=run.repetition,
         factors=_factors(run),
-        duration=run.job.duration,
+        duration=run.settings.duration,
         variant=_variant(run),
+        repeat=run.settings.repeat,
     )
 
 
@@ -75,8 +77,8 @@ def _labelled(
         number=run.number,
         key=run.key,
         pairing=run.pairing,
-        controller=run.job.controller,
-        task=run.job.task,
+        controller=run.settings.controller,
+        task=run.settings.task,
         repetition=run.repetition,
         factors=_factors(run),
         outcome=outcome,
@@ -84,8 +86,9 @@ def _labelled(
         metrics=metrics,
         timing=timing,
         detail=detail[:MAX_DETAIL],
-        duration=run.job.duration,
+        duration=run.settings.duration,
         variant=_variant(run),
+        repeat=run.settings.repeat,
     )
 
 
@@ -125,14 +128,14 @@ def tracking_values(
 
 def _variant(run: PlannedRun) -> str:
     """Return the horizon or the fault of a run, in tasks that vary them."""
-    job = run.job
-    if job.task == "horizon":
-        return f"N = {job.horizon}"
-    if job.task != "faults":
+    settings = run.settings
+    if settings.task == "horizon":
+        return f"N = {settings.horizon}"
+    if settings.task != "faults":
         return ""
     faults = (None, *faults_of(run.scenario))
-    fault = faults[job.fault] if job.fault < len(faults) else None
-    return f"{job.fault:02d}-{fault.kind if fault else 'none'}"
+    fault = faults[settings.fault] if settings.fault < len(faults) else None
+    return f"{settings.fault:02d}-{fault.kind if fault else 'none'}"
 
 
 def _factors(run: PlannedRun) -> dict[str, Factor]:

@@ -12,7 +12,7 @@ from omnidrive.choices import PresetName
 from omnidrive.components import Configured
 from omnidrive.components.fields import plain
 from omnidrive.control.pid.options import FuzzyPidOptions, system_preset
-from omnidrive.control.pid.tuners import Kind, gain_inference
+from omnidrive.control.pid.tuners import Kind, gain_system
 from omnidrive.errors import one_line
 from omnidrive.evaluation.results import ControllerType
 from omnidrive.fuzzy import FuzzySystem
@@ -150,4 +150,4 @@ def _gain_tuning_system(controller: Configured, preset: PresetName) -> FuzzySyst
     kind, options = _KINDS.get(controller.type), controller.parameters
     if kind is None or not isinstance(options, FuzzyPidOptions) or options.fuzzy.file is not None:
         return None
-    return gain_inference(kind, system_preset(options.preset or preset), options.fuzzy).system
+    return gain_system(kind, system_preset(options.preset or preset), options.fuzzy)

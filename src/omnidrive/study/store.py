@@ -168,20 +168,15 @@ class Store:
                 connection.execute("DELETE FROM leases")
                 write_facts(connection, {**facts, "definition": definition, "runs": 0})
 
-    def add(self, records: Sequence[RunRecord], logs: Sequence[str | None] = ()) -> None:
+    def add(self, records: Sequence[RunRecord]) -> None:
         """Store records in one transaction, and release the leases of their runs.
 
         A result that is stored already is kept.
 
-        Args:
-            records: The records.
-            logs: What :mod:`omnidrive.study.stored_runs` needs to restore each run, as text.
-
         Raises:
             CannotWrite: They cannot be written; none of them is stored.
         """
-        texts = logs or [None] * len(records)
-        results = [result_row(record, text) for record, text in zip(records, texts, strict=True)]
+        results = [result_row(record) for record in records]
         runs = [run_row(record) for record in records]
         numbers = [(record.number,) for record in records]
         with self.transaction() as connection:
@@ -216,18 +211,12 @@ class Store:
             rows = {key: self._connection.execute(RESULT_OF_KEY, (key,)).fetchone() for key in keys}
             return {key: result_record(key, row) for key, row in rows.items() if row is not None}
 
-    def logs(self) -> dict[int, str]:
-        """Return what is needed to restore runs with their logs, as text, by number."""
-        with self.errors():
-            parts = valid_rows(self._connection, "log", "log != ''")
-            return {number: log for rows in parts for number, log in rows}
-
     def records(self) -> pa.Table:
         """Return the undamaged stored runs in the order of the plan, without computing times.
 
         The columns are number, key, pairing, controller, task, duration, variant, repetition,
-        outcome and finished, then ``factor:PATH`` of each factor, then the metrics, by name. The
-        table does not depend on the order in which the runs were stored.
+        repeat, outcome and finished, then ``factor:PATH`` of each factor, then the metrics, by
+        name. The table does not depend on the order in which the runs were stored.
         """
         return self.tables().records
 

@@ -22,8 +22,8 @@ from omnidrive.study.run_record import RunRecord
 APPLICATION = 0x6F6D6E69
 """Application id of the file: "omni"."""
 
-VERSION = 3
-"""Version of the tables; those of version 1 have no checksums, and those of 2 other ones."""
+VERSION = 4
+"""Version of the tables; those of earlier versions have other columns or checksums."""
 
 _CHUNK = 10_000  # rows in memory as Python objects
 _MAX_READS = 5_000  # attempts to read what damaged pages leave
@@ -35,13 +35,13 @@ SCHEMA = f"""
 CREATE TABLE results (
     id INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, outcome TEXT NOT NULL,
     finished INTEGER NOT NULL, names TEXT NOT NULL, floats BLOB NOT NULL, detail TEXT NOT NULL,
-    log TEXT NOT NULL, checksum INTEGER NOT NULL
+    checksum INTEGER NOT NULL
 ) STRICT;
 CREATE TABLE runs (
     number INTEGER PRIMARY KEY, result INTEGER NOT NULL REFERENCES results (id),
     pairing INTEGER NOT NULL, controller TEXT NOT NULL, task TEXT NOT NULL, duration TEXT NOT NULL,
-    variant TEXT NOT NULL, repetition INTEGER NOT NULL, factors TEXT NOT NULL,
-    checksum INTEGER NOT NULL
+    variant TEXT NOT NULL, repetition INTEGER NOT NULL, repeat INTEGER NOT NULL,
+    factors TEXT NOT NULL, checksum INTEGER NOT NULL
 ) STRICT;
 CREATE TABLE facts (
     id INTEGER PRIMARY KEY, content TEXT NOT NULL, checksum INTEGER NOT NULL
@@ -56,9 +56,9 @@ PRAGMA application_id = {APPLICATION};
 PRAGMA user_version = {VERSION}
 """
 
-_RESULT = ("key", "outcome", "finished", "names", "floats", "detail", "log")
+_RESULT = ("key", "outcome", "finished", "names", "floats", "detail")
 _RUN = ("number", "pairing", "controller", "task", "duration", "variant", "repetition",
-        "factors")  # fmt: skip
+        "repeat", "factors")  # fmt: skip
 
 
 def _checksum(values: Sequence[str]) -> str:
@@ -136,16 +136,19 @@ def add_functions(connection: sqlite3.Connection) -> None:
 
 def _row_checksum(*values: Any) -> int:
     """Return the checksum of the values of a row as bytes; -1, which none is, if one is NULL."""
-    return -1 if None in values else crc32(b"|".join(values))
+    try:
+        return crc32(b"|".join(values))
+    except TypeError:
+        return -1
 
 
-def result_row(record: RunRecord, log: str | None) -> tuple[Any, ...]:
+def result_row(record: RunRecord) -> tuple[Any, ...]:
     """Return the values of a result for :data:`INSERT_RESULT`."""
     floats = [nan if isnan(v) else v for v in (*record.metrics.values(), *record.timing.values())]
     return (
         record.key, record.outcome, int(record.finished),
         json.dumps([[*record.metrics], [*record.timing]]), pack(f"<{len(floats)}d", *floats),
-        record.detail, log or "",
+        record.detail,
     )  # fmt: skip
 
 
@@ -205,7 +208,7 @@ def run_row(record: RunRecord) -> tuple[Any, ...]:
     """Return the values of a run for :data:`INSERT_RUN`."""
     return (
         record.number, record.pairing, record.controller, record.task,
-        repr(float(record.duration)), record.variant, record.repetition,
+        repr(float(record.duration)), record.variant, record.repetition, record.repeat,
         json.dumps(record.factors), record.key,
     )  # fmt: skip
 

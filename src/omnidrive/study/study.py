@@ -10,6 +10,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple, Protocol, runtime_checkable
 
+from omnidrive import visualization  # imports only the modules in use
 from omnidrive.compiled import announce_compiling
 from omnidrive.components import configure
 from omnidrive.control.controller import FALLS_BEHIND
@@ -29,8 +30,9 @@ from omnidrive.evaluation.published import PUBLISHED_ERRORS
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.notebook import facts_html, table_html
 from omnidrive.parameter import Bounds, check_number
-from omnidrive.scenario.jobs import Job, Result, jobs_of
 from omnidrive.scenario.planned_scenario import PlannedScenario, plan_and_check
+from omnidrive.scenario.run_settings import RunSettings, settings_of_runs
+from omnidrive.scenario.run_simulation import Result
 from omnidrive.scenario.scenario import Scenario, paper_scenario
 from omnidrive.simulation import Outcome
 from omnidrive.simulation.run_log import RUN_LOGGER
@@ -39,7 +41,6 @@ from omnidrive.study.job_execution import execute_jobs, is_sequential
 from omnidrive.study.output_paths import REPORT_FILE, check_new_folder, check_study_folder
 from omnidrive.study.setup_facts import controller_types
 from omnidrive.study.stored_runs import StoredRuns
-from omnidrive.visualization import Observer
 
 _MAX_TABLES = 2  # in notebooks
 
@@ -125,7 +126,7 @@ def run_study(
     *,
     processes: int = 1,
     progress: ProgressListener | None = None,
-    observers: Sequence[Observer] = (),
+    observers: Sequence[visualization.Observer] = (),
     run_timeout: float | None = None,
     numbered: bool = False,
     figures: Sequence[str] = ("svg", "pdf"),
@@ -154,7 +155,7 @@ def run_study(
         WorkerLost: Worker processes end while they start; results written before are kept.
     """
     path = to_path(folder) if folder is not None else None
-    resumable = len(jobs_of(scenario)) > 1 and scenario.is_importable and not observers
+    resumable = len(settings_of_runs(scenario)) > 1 and scenario.is_importable and not observers
     if path and not numbered:
         (check_study_folder if resumable else check_new_folder)(path)
     _check_run_timeout(scenario, observers, run_timeout)
@@ -162,7 +163,7 @@ def run_study(
     with clock.part("plan", 0):
         planned = plan_and_check(scenario)
     store = RunFolder(path, numbered=numbered) if path else None
-    jobs = jobs_of(scenario)
+    jobs = settings_of_runs(scenario)
     with StoredRuns(store, planned, jobs) if store and resumable else nullcontext() as stored:
         with clock.part("simulate", len(jobs)), _limits_in_the_verdict(scenario):
             if store:
@@ -204,7 +205,7 @@ def _tables(scenario: Scenario, results: StudyResults) -> list[Table]:
 
 
 def _check_run_timeout(
-    scenario: Scenario, observers: Sequence[Observer], run_timeout: float | None
+    scenario: Scenario, observers: Sequence[visualization.Observer], run_timeout: float | None
 ) -> None:
     """Raise InvalidInput unless the runs can have the time limit, if there is one."""
     if run_timeout is None:
@@ -245,13 +246,13 @@ class _Outputs(NamedTuple):
 
 def _collect_and_save(
     planned: PlannedScenario,
-    finished: dict[Job, Result],
-    executed: Iterable[tuple[Job, Result]],
+    finished: dict[RunSettings, Result],
+    executed: Iterable[tuple[RunSettings, Result]],
     outputs: _Outputs,
 ) -> None:
     """Add the results of runs to ``finished``; write those of each run when it is finished."""
     folder, stored, clock = outputs
-    jobs = jobs_of(planned.scenario)
+    jobs = settings_of_runs(planned.scenario)
     for result in finished.values():
         clock.progress.done(result.name)
     for job, result in executed:
@@ -306,7 +307,7 @@ def _is_published_study(scenario: Scenario) -> bool:
 
 
 def collect_results(
-    planned: PlannedScenario, jobs: Sequence[Job], finished: dict[Job, Result]
+    planned: PlannedScenario, jobs: Sequence[RunSettings], finished: dict[RunSettings, Result]
 ) -> StudyResults:
     """Return the results of the finished runs of a scenario, in the order of ``jobs``."""
     done = [finished[job] for job in jobs if job in finished]

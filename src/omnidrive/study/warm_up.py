@@ -23,8 +23,8 @@ from omnidrive.maps import maze_map
 from omnidrive.planning import PathOptions, Waypoint, plan, search
 from omnidrive.reference import Corridor, MotionLimits, time_within_limits
 from omnidrive.robot import named_robot
-from omnidrive.scenario.jobs import make_controller
 from omnidrive.scenario.planned_scenario import plan_scenario
+from omnidrive.scenario.run_parts import make_controller
 from omnidrive.scenario.scenario import paper_scenario
 from omnidrive.scenario.tasks import DurationsTask, Tasks
 from omnidrive.simulation.identification.response import response

@@ -17,7 +17,7 @@ from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.parameter import Bounds
 from omnidrive.scenario import Scenario
-from omnidrive.scenario.scenario_file import problems_of
+from omnidrive.scenario.scenario_file import listed, problems_of
 from omnidrive.scenario.section import Section
 from omnidrive.study import StudyDefinition, definition_data, load_definition
 from omnidrive.tuning.objective import Limit, Objective, parse_limit, parse_objective
@@ -65,7 +65,7 @@ def settings_of(given: Mapping[str, Any]) -> TuningSettings:
     try:
         return TuningSettings.model_validate({k: v for k, v in given.items() if v is not None})
     except ValidationError as error:
-        raise InvalidInput("; ".join(problems_of(error, TuningSettings))) from None
+        raise InvalidInput(listed(problems_of(error, TuningSettings))) from None
 
 
 @dataclass(frozen=True, eq=False)

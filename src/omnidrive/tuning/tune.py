@@ -179,7 +179,7 @@ def run_search(
             """Report the trials so far."""
             best = best_trial(trials).score
             text = _score_text(tuning.objectives, best.objectives)
-            report("trials", len(trials), settings.trials, text)
+            report("trials", len(trials), max(settings.trials, len(trials)), text)
 
         found = search(
             tuning.space,

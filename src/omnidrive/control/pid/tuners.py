@@ -17,7 +17,7 @@ from omnidrive.compiled import CompiledFunction, compilable_as, compiled
 from omnidrive.control.pid.fuzzy_options import FuzzyOptions
 from omnidrive.control.pid.laws import GainChange
 from omnidrive.control.pid.rules import paper_rules, published_rules
-from omnidrive.fuzzy import Footprint, Inference, Secondary
+from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, Secondary
 from omnidrive.fuzzy.kernels import infer_rows
 from omnidrive.parameter import check_choice
 
@@ -71,20 +71,28 @@ def gain_inference(kind: Kind, preset: Preset, options: FuzzyOptions = _PUBLISHE
     Raises:
         InvalidInput: The kind or preset is unknown.
     """
-    check_choice("preset", preset, get_args(Preset))
-    check_choice("kind of fuzzy system", kind, get_args(Kind))
-    rules, inputs, outputs = _PRESETS[preset]
-    system = options.system(rules())
-    if kind != "t1" and system.type == 1:
-        system = system.with_footprint(*options.footprints(inputs, outputs))
-    if kind == "t3":
-        system = system.with_secondary(Secondary())
+    system = gain_system(kind, preset, options)
     beyond: OutOfRange = "clamp" if system.is_sugeno else "matlab"
     if preset == "published-code":
         return Inference(system, centroid="matlab", out_of_range=beyond, slices=SLICES)
     if kind == "t1":
         return Inference(system, out_of_range=beyond)
     return Inference(system, reduction="cos", out_of_range=beyond, slices=SLICES)
+
+
+def gain_system(kind: Kind, preset: Preset, options: FuzzyOptions = _PUBLISHED) -> FuzzySystem:
+    """Return the fuzzy system that :func:`gain_inference` compiles, of the same arguments.
+
+    Raises:
+        InvalidInput: The kind or preset is unknown.
+    """
+    check_choice("preset", preset, get_args(Preset))
+    check_choice("kind of fuzzy system", kind, get_args(Kind))
+    rules, inputs, outputs = _PRESETS[preset]
+    system = options.system(rules())
+    if kind != "t1" and system.type == 1:
+        system = system.with_footprint(*options.footprints(inputs, outputs))
+    return system.with_secondary(Secondary()) if kind == "t3" else system
 
 
 def resolved_options(options: FuzzyOptions, preset: Preset) -> FuzzyOptions:

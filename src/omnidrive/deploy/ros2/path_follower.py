@@ -60,6 +60,13 @@ class DriveRequests:
         """Topic on which true arms a robot that was held."""
         return f"{self.node.full_name}/arm"
 
+    def how_held_ends(self) -> str:
+        """Return which messages let a robot that is held move again, or end the drive."""
+        return (
+            f"held: true on {self.arm_topic} lets the robot move again, true on "
+            f"{self.stop_topic} ends the drive (std_msgs/msg/Bool)"
+        )
+
     def pass_on(self, controls: DriveControls) -> None:
         """Pass new requests to the controls of a drive."""
         if any(each.message.data for each in self._stop.take()):
@@ -191,6 +198,8 @@ class PathFollower:
             nonlocal reported
             self.requests.pass_on(controls)
             held = controls.held
+            if held is not None and reported is None:
+                _log.warning("%s", self.requests.how_held_ends())
             if held != reported and self.reports is not None:
                 if held is None:
                     self.reports.begin()

@@ -105,4 +105,3 @@ def write_figures(
             path = folder / f"{name}.{suffix}"
             save(figure, path)
             yield path
-            figure.set_layout_engine("none")  # the layout is that of the first file

@@ -69,7 +69,8 @@ _COST = (
 )
 _SHARES = (
     "Share of the variance over all runs that each factor explains alone (first-order Sobol' "
-    "index), with its 95 % interval. The rest are interactions and random numbers."
+    "index), from 10 repetitions on with its 95 % interval. The rest are interactions and random "
+    "numbers."
 )
 _HEAT_MAPS = (
     "Mean over the finished runs at every combination of the two axes that explain most of the "

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.font_manager import fontManager
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -62,6 +63,8 @@ _STYLE: Any = {
     "legend.handlelength": 2.4,
     "text.parse_math": False,  # names of users are drawn literally
     "text.usetex": False,  # whatever a matplotlibrc in the working folder says
+    "figure.autolayout": False,
+    "figure.constrained_layout.use": False,
     "svg.hashsalt": "omnidrive",
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
@@ -159,6 +162,8 @@ def hide_axes(axes: Axes) -> None:
 def save(figure: Figure, path: StrPath) -> None:
     """Write ``figure`` as PNG, SVG or PDF, by the suffix of ``path``, without a date.
 
+    All files of a figure have the layout of the first one.
+
     Raises:
         CannotWrite: The file cannot be written.
     """
@@ -171,4 +176,18 @@ def save(figure: Figure, path: StrPath) -> None:
     kind = path.suffix.removeprefix(".")
     # matplotlib also projects the uninitialised padding of surface faces
     with figure_style(), np.errstate(over="ignore", invalid="ignore"), output_file(path) as part:
+        _arrange(figure)
         figure.savefig(part, format=kind, dpi=DPI, metadata=metadata[kind])
+
+
+def _arrange(figure: Figure) -> None:
+    """Place the panels of a figure, once: Matplotlib would draw it to do so, and again to write it.
+
+    Texts are measured as in vector files, without the hinting of a resolution.
+    """
+    layout, dpi = figure.get_layout_engine(), figure.dpi
+    if layout is not None:
+        FigureCanvasSVG(figure)
+        layout.execute(figure)
+        figure.set_layout_engine(None)
+        figure.dpi = dpi  # that of SVG is 72

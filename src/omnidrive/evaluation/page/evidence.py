@@ -21,7 +21,8 @@ _SHOWN_SENTENCES = 3  # of a card; the others are in a fold
 _FIXED = (
     "<p><strong>Brackets</strong> are 95 % confidence intervals of a mean over the repetitions: "
     "Student's t, from 10 repetitions on with Hall's correction of skewness. That of a difference "
-    "also contains what the sign-flip test does not reject; below 6 repetitions there is none. "
+    "contains what the sign-flip test or the t-test with Hall's correction, at every number of "
+    "repetitions, does not reject; below 6 repetitions there is none. "
     "Runs of one repetition at different values of the axes are averaged first, because they share "
     "their random numbers.</p>"
 )
@@ -77,6 +78,7 @@ class EvidencePage(NamedTuple):
         return {
             "Runs": f"{len(runs):,}" + (f", {lost:,} ended early" if lost else ""),
             "Repetitions": f"{runs.repetitions:,}",
+            **({"Noise seeds": f"{runs.repeats:,}"} if runs.repeats > 1 else {}),
             "Controllers": str(len(runs.controllers)),
             "Axes": ", ".join(runs.axes) or "none",
             **({"Random": ", ".join(runs.random_factors)} if runs.random_factors else {}),

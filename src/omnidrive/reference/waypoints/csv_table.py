@@ -51,6 +51,7 @@ from omnidrive.reference.waypoints.text_file import read_text, write_text
 from omnidrive.reference.waypoints.waypoints import Waypoints, timed_waypoints, untimed_waypoints
 
 _NUMBERED_ROWS = 20  # of which numbers of rows are detected
+_MAX_SHOWN = 12  # columns that are named
 _MAX_LINES = 2 * MAX_SAMPLES  # including comments and empty lines
 _PATH_HEADER = "x_m,y_m,yaw_rad"
 _INTERPOLATION = (
@@ -88,7 +89,9 @@ def read_csv(file: pathlib.Path, heading: TableHeading = "tangent") -> Waypoints
         raise InvalidReference(f"{name} is empty; a table of waypoints starts with {_PATH_HEADER}")
     columns, count = _columns(name, form, lines)
     if columns.unused:
-        _log.warning("%s: columns that are not used: %s", name, ", ".join(columns.unused))
+        shown = ", ".join(columns.unused[:_MAX_SHOWN])
+        more = ", ..." if len(columns.unused) > _MAX_SHOWN else ""
+        _log.warning("%s: columns that are not used: %s%s", name, shown, more)
     numbers, table = _rows(name, form, lines, (columns, count))
     units = _units(name, lines, count)
     factors = _factors(name, columns, units, table)

@@ -25,8 +25,9 @@ class Line(NamedTuple):
 
     def tokens(self) -> list[LocatedText]:
         """Return the words of the value, which are separated by whitespace."""
+        line, column = self.value_position
         return [
-            LocatedText(match[0], self.value_position.after(self.value[: match.start()]))
+            LocatedText(match[0], Position(line, column + match.start()))
             for match in re.finditer(r"\S+", self.value)
         ]
 

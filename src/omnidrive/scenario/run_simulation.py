@@ -1,0 +1,157 @@
+"""Simulation and evaluation of one run of a planned scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+
+from omnidrive import visualization  # imports only the modules in use
+from omnidrive.control import Controller
+from omnidrive.errors import ComponentFailed
+from omnidrive.evaluation import FaultResult, StepResult, TrackResult, measure, step_response
+from omnidrive.geometry import Pose
+from omnidrive.reference import Hold, Reference
+from omnidrive.scenario.planned_scenario import PlannedScenario
+from omnidrive.scenario.plants import plant_of
+from omnidrive.scenario.run_parts import (
+    FailedController,
+    make_controller,
+    make_estimator,
+    make_sensors,
+    make_supervisor,
+)
+from omnidrive.scenario.run_settings import RunSettings, fault_of, run_seed
+from omnidrive.simulation import KinematicPlant, Outcome, Plant, Run, Schedule, simulate
+
+Result = TrackResult | StepResult | FaultResult
+"""Result of one run."""
+
+
+def simulate_run(
+    planned: PlannedScenario,
+    settings: RunSettings,
+    observers: Sequence[visualization.Observer] = (),
+) -> Result:
+    """Simulate one run, during which the observers are called, and evaluate it.
+
+    Raises:
+        ComponentFailed: The factory of the plant or of the estimator raises an exception.
+    """
+    own, step = _copied(planned), settings.task == "step"
+    reference = reference_of(own, settings)
+    with plant_of(own, reference, settings.repeat, on_map=not step, observers=observers) as plant:
+        run = _simulate(own, settings, plant, reference)
+    return evaluate(planned, settings, run)
+
+
+def unfinished(
+    planned: PlannedScenario, settings: RunSettings, outcome: Outcome, reason: str
+) -> Result:
+    """Return the result of a run whose log is lost: one sample at the start.
+
+    Args:
+        planned: The planned scenario.
+        settings: The run.
+        outcome: Why the run ended.
+        reason: Reason in one line.
+    """
+    reference = reference_of(planned, settings)
+    run = simulate(
+        KinematicPlant(planned.plant_robot),
+        FailedController(RuntimeError(reason)),
+        reference,
+        start=start_of(planned, settings, reference),
+        dt=planned.scenario.sample_time,
+    )
+    return evaluate(planned, settings, replace(run, outcome=outcome, reason=reason, traceback=""))
+
+
+def reference_of(planned: PlannedScenario, settings: RunSettings) -> Reference:
+    """Return the motion to track.
+
+    Raises:
+        InvalidReference: The duration is too short for the limits of the robot.
+    """
+    task = planned.scenario.tasks.step
+    if settings.task != "step" or task is None:
+        return planned.reference(settings.duration)
+    goal = Pose(*(a + b for a, b in zip(planned.start, task.displacement, strict=True)))
+    return Hold(goal, settings.duration)
+
+
+def start_of(planned: PlannedScenario, settings: RunSettings, reference: Reference) -> Pose:
+    """Return the true initial pose in W."""
+    return planned.start if settings.task == "step" else reference.at(0.0).pose
+
+
+def _copied(planned: PlannedScenario) -> PlannedScenario:
+    """Return the plan for one run: a part that changes what it receives changes no other run."""
+    names = ("robot", "plant_robot", "obstacles", "path", "motion")
+    return replace(planned, **{name: deepcopy(getattr(planned, name)) for name in names})
+
+
+def _simulate(
+    planned: PlannedScenario, settings: RunSettings, plant: Plant, reference: Reference
+) -> Run:
+    """Simulate one run with the supervisor.
+
+    The random numbers are the same for every controller. They depend on the seed of the scenario,
+    the duration in microseconds and the repeat. Trailing zeros of a short NumPy seed have no
+    effect, so that repeat 0 has the random numbers of the seed without the repeat. The jitter of
+    the sample time and the controller have generators of their own.
+
+    Args:
+        planned: The planned scenario.
+        settings: The run.
+        plant: The plant.
+        reference: The motion to track.
+    """
+    scenario, robot = planned.scenario, planned.robot
+    fault = fault_of(scenario, settings) if settings.task == "faults" else None
+    faults = (*scenario.faults, *((fault,) if fault else ()))
+    seed = run_seed(scenario, settings)
+    sensor_rng, jitter_rng = np.random.default_rng(seed), np.random.default_rng([*seed, 1])
+    controller_rng = np.random.default_rng([*seed, 2])
+    controller: Controller
+    try:
+        controller = make_controller(
+            scenario, robot, settings.controller, settings.horizon, controller_rng
+        )
+    except ComponentFailed as error:  # the other runs of the study go on
+        controller = FailedController(error.__cause__ or error)
+    sensors = make_sensors(scenario, robot, sensor_rng, noise=settings.task == "noise")
+    return simulate(
+        plant,
+        controller,
+        reference,
+        start=start_of(planned, settings, reference),
+        dt=scenario.sample_time,
+        sensors=sensors,
+        estimator=make_estimator(scenario, robot, sensors),
+        supervisor=make_supervisor(scenario, robot),
+        schedule=Schedule(faults, robot) if faults else None,
+        rng=jitter_rng,
+    )
+
+
+def evaluate(planned: PlannedScenario, settings: RunSettings, run: Run) -> Result:
+    """Return the result of a simulated run."""
+    if settings.task == "step":
+        start, goal = planned.start, reference_of(planned, settings).at(0.0).pose
+        x, y, heading = (
+            step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
+        )
+        return StepResult(settings.controller, run, (x, y, heading))
+    metrics = measure(run, planned.robot.drive)
+    if settings.task == "faults":
+        fault = fault_of(planned.scenario, settings)
+        return FaultResult(
+            settings.controller, settings.fault, fault, settings.duration, run, metrics
+        )
+    return TrackResult(
+        settings.controller, settings.task, settings.duration, settings.task == "noise",
+        settings.horizon, run, metrics, planned.clearance(run.pose[:, :2]), settings.repeat,
+    )  # fmt: skip
