@@ -1,6 +1,7 @@
 """Self-tuning PID: laws, presets and closed-loop behaviour."""
 
 import pickle
+import re
 from dataclasses import replace
 from math import cos, hypot, inf, pi, sin
 
@@ -12,12 +13,13 @@ from hypothesis import strategies as st
 from omnidrive.control import Controller, FeedforwardController, Status
 from omnidrive.control.pid import (
     FuzzyPidController,
+    PidChannel,
     SelfTuningParameters,
-    TrackingChannel,
     TrackingParameters,
     TrackingPidController,
     classical_pid,
     fuzzy_pid,
+    gain_inference,
     no_tuning,
 )
 from omnidrive.control.pid.channel import TuningRecord
@@ -37,8 +39,10 @@ from omnidrive.control.pid.laws import (
 )
 from omnidrive.control.pid.presets import robot_parameters
 from omnidrive.control.pid.tracking import lead, missing_motion
+from omnidrive.control.pid.tuners import FuzzyTuner
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, State
+from omnidrive.fuzzy import Inference
 from omnidrive.geometry import (
     BodyTwist,
     Pose,
@@ -254,7 +258,7 @@ class Jump(Hold):
 
 
 def tracking_pid(parameters, dt=DT, tune=no_tuning):
-    return TrackingPidController(dt, *(TrackingChannel(tune, dt, parameters) for _ in range(3)))
+    return TrackingPidController(dt, *(PidChannel(tune, dt, parameters) for _ in range(3)))
 
 
 def run_on(controller, reference, start, dt=DT, estimator=None, robot="paper"):
@@ -677,6 +681,20 @@ class TestPartsOfTheUser:
         copy = pickle.loads(pickle.dumps(controller))
         later = State(DT, Pose(0.15, -1.2, 0.1))
         assert copy.step(DT, later, Circle()) == controller.step(DT, later, Circle())
+
+
+@pytest.mark.parametrize("preset", ["paper", "published-code"])
+def test_input_that_the_fuzzy_system_refuses_is_named(preset):
+    """Of an error of 6 m the first input is 3."""
+    system = gain_inference("t1", preset).system
+    tuner = FuzzyTuner(Inference(system, out_of_range="raise"))
+    usual = fuzzy_pid("t1", preset, DT)
+    channels = (replace(each, tune=tuner) for each in (usual.position, usual.heading))
+    controller = FuzzyPidController(DT, *channels, usual.wraps_heading)
+    assert first_command(controller, Pose(0.0, 0.0, 0.0), Pose(0.1, 0.0, 0.0)).vx > 0.0
+    command = controller.step(0.0, State(0.0, Pose(6.0, 0.0, 0.0)), Hold(Pose(0.0, 0.0, 0.0), 1.0))
+    assert command.status is Status.FAILED
+    assert re.fullmatch(r"the input 'E' is [36], outside its range \[-1, 1\]", command.message)
 
 
 class TestClassical:

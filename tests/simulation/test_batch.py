@@ -24,7 +24,7 @@ from omnidrive.control.nmpc.holonomic import (
 )
 from omnidrive.control.nmpc.holonomic.law import OLD_PLAN_STEPS, RAMP_STEPS
 from omnidrive.control.pid import (
-    TrackingChannel,
+    PidChannel,
     TrackingParameters,
     TrackingPidController,
     classical_pid,
@@ -494,7 +494,7 @@ def refused(match, plant=KinematicPlant, controller=recommended_pid, **options):
 
 
 def own_tuner(dt):
-    channels = [TrackingChannel(lambda e, c: (0.0,) * 3, dt, TrackingParameters()) for _ in "xyh"]
+    channels = [PidChannel(lambda e, c: (0.0,) * 3, dt, TrackingParameters()) for _ in "xyh"]
     return TrackingPidController(dt, *channels)
 
 

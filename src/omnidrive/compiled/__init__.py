@@ -73,7 +73,7 @@ def inlined(kernel: Callable[P, R]) -> Callable[P, R]:
     return _compiled(kernel, forceinline=True)
 
 
-def compilable(function: Callable[P, R]) -> Callable[P, R]:
+def compilable(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     """Let kernels call a function that Python executes as before; return the function.
 
     For a law that is called once per sample from Python, and from compiled loops: one text, no
@@ -81,7 +81,7 @@ def compilable(function: Callable[P, R]) -> Callable[P, R]:
     ``x * x``. The function refers only to what a kernel may refer to.
     """
     plain = unwrap(function)
-    _overload(function, strict=False, jit_options={**_OPTIONS, **NO_WRAPPERS})(
+    _overload(function, strict=False, jit_options={**_OPTIONS, **NO_WRAPPERS, **options})(
         lambda *_, **__: plain
     )
     return function
@@ -96,7 +96,7 @@ def compilable_as(kernel: Callable[P, R]) -> Callable[[Callable[P, R]], Callable
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
         replaced: Any = function
         replaced.__wrapped__ = unwrap(kernel)  # what Numba compiles, and the key covers
-        return compilable(function)
+        return compilable(function, forceinline=True)
 
     return decorated
 

@@ -1,10 +1,6 @@
 """PID controllers with constant gains or gains tuned by a fuzzy system, and that system."""
 
-from omnidrive.control.pid.channel import (
-    MemorylessChannel,
-    SelfTuningChannel,
-    TrackingChannel,
-)
+from omnidrive.control.pid.channel import PidChannel
 from omnidrive.control.pid.gain_tuning import gain_tuning_system
 from omnidrive.control.pid.laws import (
     MemorylessParameters,
@@ -18,11 +14,9 @@ from omnidrive.control.pid.waypoint_controller import FuzzyPidController
 
 __all__ = [
     "FuzzyPidController",
-    "MemorylessChannel",
     "MemorylessParameters",
-    "SelfTuningChannel",
+    "PidChannel",
     "SelfTuningParameters",
-    "TrackingChannel",
     "TrackingParameters",
     "TrackingPidController",
     "Tuner",

@@ -6,7 +6,7 @@ The memory of a channel is a record within that of its controller. In kernels a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -33,7 +33,8 @@ from omnidrive.control.pid.laws import (
     tune_bounded_gains,
     tune_gains,
 )
-from omnidrive.control.pid.tuners import PackedTuner, Tuner, gain_change, packed_tuner
+from omnidrive.control.pid.tuners import FuzzyTuner, PackedTuner, Tuner, gain_change, packed_tuner
+from omnidrive.errors import InvalidInput
 from omnidrive.parameter import bounds_of, check_bounds
 
 
@@ -59,15 +60,6 @@ def tuning_units(parameters: Parameters) -> dict[str, str]:
     return {
         name: bounds[name].unit or "1" if name in Gains._fields else "1"
         for name in TuningRecord._fields
-    }
-
-
-def detail_units(channels: Mapping[str, Any]) -> dict[str, str]:
-    """Return name and unit of each number that the channels log, such as ``kp_heading``."""
-    return {
-        f"{name}_{axis}": unit
-        for axis, channel in channels.items()
-        for name, unit in tuning_units(channel.parameters).items()
     }
 
 
@@ -97,36 +89,9 @@ class Channel(Protocol):
         ...
 
 
-class PackedChannel(NamedTuple):
-    """A channel of this package in kernels; fields as those of the channel."""
-
-    tune: PackedTuner
-    dt: float
-    parameters: Any
-
-
 @dataclass(frozen=True, slots=True)
-class MemorylessChannel:
-    """Channel with :func:`memoryless_law`.
-
-    Attributes:
-        tune: The fuzzy system.
-        parameters: Gains and scales.
-
-    Raises:
-        InvalidInput: A parameter is out of its range.
-    """
-
-    tune: Tuner
-    parameters: MemorylessParameters
-
-    def __post_init__(self) -> None:
-        check_bounds(self.parameters)
-
-
-@dataclass(frozen=True, slots=True)
-class SelfTuningChannel:
-    """Channel with :func:`self_tuning_law`.
+class PidChannel:
+    """One controlled quantity: its tuner, and its parameters, whose type determines the law.
 
     Attributes:
         tune: The fuzzy system.
@@ -139,44 +104,36 @@ class SelfTuningChannel:
 
     tune: Tuner
     dt: float
-    parameters: SelfTuningParameters
+    parameters: Parameters
 
     def __post_init__(self) -> None:
         check_bounds(self.parameters)
 
 
-@dataclass(frozen=True, slots=True)
-class TrackingChannel:
-    """One coordinate of a :class:`~.TrackingPidController`, with :func:`tracking_law`.
+class PackedChannel(NamedTuple):
+    """A :class:`PidChannel` in kernels."""
 
-    Attributes:
-        tune: The fuzzy system.
-        dt: Sample time in s.
-        parameters: Gains, ranges and limits.
-
-    Raises:
-        InvalidInput: A parameter is out of its range.
-    """
-
-    tune: Tuner
+    tune: PackedTuner
     dt: float
-    parameters: TrackingParameters
-
-    def __post_init__(self) -> None:
-        check_bounds(self.parameters)
+    parameters: Any
 
 
-WaypointChannel = MemorylessChannel | SelfTuningChannel | Channel
-
-
-def packed_channel(channel: Any) -> PackedChannel | None:
+def packed_channel(channel: PidChannel | Channel) -> PackedChannel | None:
     """Return a channel for kernels; None: it or its tuner is not one of this package."""
-    if type(channel) not in {MemorylessChannel, SelfTuningChannel, TrackingChannel}:
-        return None
-    tune = packed_tuner(channel.tune)
-    if tune is None:
-        return None
-    return PackedChannel(tune, getattr(channel, "dt", 0.0), channel.parameters)
+    tune = packed_tuner(channel.tune) if isinstance(channel, PidChannel) else None
+    return None if tune is None else PackedChannel(tune, channel.dt, channel.parameters)
+
+
+def inference_error(channel: PidChannel | Channel, record: TuningRecord) -> str:
+    """Return the error of the fuzzy system of a channel in a sample; empty without one."""
+    inputs = record.error_input, record.change_input
+    if isinstance(channel, PidChannel) and isinstance(channel.tune, FuzzyTuner):
+        is_mirrored = isinstance(channel.parameters, TrackingParameters)
+        try:
+            channel.tune(*(mirror_to_negative(*inputs) if is_mirrored else inputs))
+        except InvalidInput as error:
+            return str(error)
+    return ""
 
 
 SELF_TUNING_MEMORY = np.dtype(
@@ -196,7 +153,9 @@ def memoryless_channel(
     p = channel.parameters
     inputs = (p.error_gain * magnitude, p.change_gain * magnitude)
     gains = tune_gains(p, gain_change(channel.tune, inputs[0], inputs[1]))
-    return memoryless_law(gains, error), tuning_record(gains, inputs)
+    return memoryless_law(gains, error), TuningRecord(
+        gains.kp, gains.ki, gains.kd, inputs[0], inputs[1]
+    )
 
 
 @compilable
@@ -212,7 +171,7 @@ def self_tuning_channel(
     before = SelfTuningState(memory.integral, memory.error, memory.magnitude)
     command, memory.integral = self_tuning_law(p, gains, before, error, dt)
     memory.error, memory.magnitude = error, magnitude
-    return command, tuning_record(gains, inputs)
+    return command, TuningRecord(gains.kp, gains.ki, gains.kd, inputs[0], inputs[1])
 
 
 def own_channel(
@@ -222,11 +181,12 @@ def own_channel(
     return channel.step(error, magnitude)
 
 
-def channel_law(channel: WaypointChannel) -> Callable[..., tuple[complex, TuningRecord]]:
+def channel_law(channel: PidChannel | Channel) -> Callable[..., tuple[complex, TuningRecord]]:
     """Return the law of a channel of a :class:`~.FuzzyPidController`."""
-    if isinstance(channel, MemorylessChannel):
-        return memoryless_channel
-    return self_tuning_channel if isinstance(channel, SelfTuningChannel) else own_channel
+    if not isinstance(channel, PidChannel):
+        return own_channel
+    is_memoryless = isinstance(channel.parameters, MemorylessParameters)
+    return memoryless_channel if is_memoryless else self_tuning_channel
 
 
 @compilable
@@ -236,7 +196,7 @@ def tracking_channel(  # noqa: PLR0917
     """Return the desired correction in m/s or rad/s, and the record of the tuning.
 
     Args:
-        channel: A :class:`TrackingChannel`.
+        channel: A :class:`PidChannel` with :class:`~.laws.TrackingParameters`.
         memory: A record of :data:`TRACKING_MEMORY`.
         error: Reference minus pose, in m or rad.
         rate: Rate of the error, in m/s or rad/s.
@@ -253,13 +213,7 @@ def tracking_channel(  # noqa: PLR0917
     memory.integral, memory.missing = integral, filtered
     memory.rate, memory.distance = rate, distance
     correction = tracking_law(p, gains, integral, error, distance, rate, dt)
-    return correction, tuning_record(gains, inputs)
-
-
-@compilable
-def tuning_record(gains: Gains, inputs: tuple[float, float]) -> TuningRecord:
-    """Return the record of the gains in use and the inputs of the fuzzy system."""
-    return TuningRecord(gains.kp, gains.ki, gains.kd, inputs[0], inputs[1])
+    return correction, TuningRecord(gains.kp, gains.ki, gains.kd, inputs[0], inputs[1])
 
 
 @compilable

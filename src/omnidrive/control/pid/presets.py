@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
-from omnidrive.control.pid.channel import (
-    MemorylessChannel,
-    SelfTuningChannel,
-    TrackingChannel,
-)
+from omnidrive.control.pid.channel import PidChannel
 from omnidrive.control.pid.laws import (
     MemorylessParameters,
     SelfTuningParameters,
@@ -143,15 +139,15 @@ def _pid(
 
     if preset == "published-code":
         both = given(MemorylessParameters(), MemorylessParameters())
-        first, second = (MemorylessChannel(tune, each) for each in both)
+        first, second = (PidChannel(tune, dt, each) for each in both)
         return FuzzyPidController(dt, first, second, wraps_heading=False)
     if preset == "paper":
         waypoint = given(SelfTuningParameters(), SelfTuningParameters(limit=MAX_YAW_RATE))
-        distance, turn = (SelfTuningChannel(tune, dt, each) for each in waypoint)
+        distance, turn = (PidChannel(tune, dt, each) for each in waypoint)
         return FuzzyPidController(dt, distance, turn, wraps_heading=True)
     position = heading = TrackingParameters()
     if robot is not None:
         position, heading = robot_parameters(robot, forces=forces)
     position, heading = given(position, heading)
-    tracking = (TrackingChannel(tune, dt, each) for each in (position, position, heading))
+    tracking = (PidChannel(tune, dt, each) for each in (position, position, heading))
     return TrackingPidController(dt, *tracking)

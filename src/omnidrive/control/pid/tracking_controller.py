@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import hypot
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -17,17 +16,14 @@ from omnidrive.control.compiled_law import (
     SampleState,
     SetpointWindow,
     floats_of,
-    in_python,
 )
-from omnidrive.control.law_controller import LawController
 from omnidrive.control.pid.channel import (
     TRACKING_MEMORY,
-    TrackingChannel,
-    detail_units,
-    packed_channel,
+    PidChannel,
     tracking_channel,
     write_tuning,
 )
+from omnidrive.control.pid.channel_controller import ChannelController
 from omnidrive.control.pid.tracking import (
     lead,
     mean_velocity,
@@ -39,6 +35,7 @@ from omnidrive.control.pid.tracking import (
     twist_of,
     whole_samples,
 )
+from omnidrive.control.pid.tuners import borrowed
 from omnidrive.geometry import BodyTwist, Pose, WorldTwist
 
 MEMORY = np.dtype([
@@ -76,12 +73,12 @@ def tracking_pid_law(  # noqa: PLR0917
     details: Float[Array, " details"],
 ) -> int:
     """Fill in command and details of a sample."""
-    m, dt, t = memory[0], data.dt, now.t
+    m, d, dt, t = memory[0], borrowed(data), data.dt, now.t
     pose = Pose(now.pose[0], now.pose[1], now.pose[2])
     first, middle, last = setpoints[0], setpoints[1], setpoints[2]
     begin, end = (first[3], first[4], first[5]), (last[3], last[4], last[5])
     motion = mean_velocity(begin, (middle[3], middle[4], middle[5]), end)
-    position, heading = data.x.parameters, data.heading.parameters
+    position, heading = d.x.parameters, d.heading.parameters
     lags, most = (position.lag, heading.lag), (position.acceleration, heading.acceleration)
     rate, missing, response = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
     if m.started:
@@ -95,9 +92,9 @@ def tracking_pid_law(  # noqa: PLR0917
 
     error = pose_error(pose, Pose(first[0], first[1], first[2]))
     distance, turn = hypot(error[0], error[1]), abs(error[2])
-    x, tuned_x = tracking_channel(data.x, m.x, error[0], rate[0], missing[0], distance)
-    y, tuned_y = tracking_channel(data.y, m.y, error[1], rate[1], missing[1], distance)
-    yaw_rate, tuned = tracking_channel(data.heading, m.heading, error[2], rate[2], missing[2], turn)
+    x, tuned_x = tracking_channel(d.x, m.x, error[0], rate[0], missing[0], distance)
+    y, tuned_y = tracking_channel(d.y, m.y, error[1], rate[1], missing[1], distance)
+    yaw_rate, tuned = tracking_channel(d.heading, m.heading, error[2], rate[2], missing[2], turn)
     correction = saturated(x, y, yaw_rate, (position.limit, heading.limit))
     twist = twist_of(pose, lead(motion, begin, end, lags, most, dt), correction, dt)
     m.started, m.t = 1, t
@@ -111,7 +108,7 @@ def tracking_pid_law(  # noqa: PLR0917
 
 
 @dataclass(frozen=True)
-class TrackingPidController(LawController):
+class TrackingPidController(ChannelController):
     """A :class:`~omnidrive.control.Controller` that follows the reference and corrects errors in B.
 
     It commands the body twist whose arc leads, in one sample, to the pose that the reference's
@@ -133,26 +130,15 @@ class TrackingPidController(LawController):
         heading: From the heading error, wrapped, in rad, to a yaw rate, in rad/s.
     """
 
+    axes: ClassVar[tuple[str, ...]] = ("x", "y", "heading")
+
     dt: float
-    x: TrackingChannel
-    y: TrackingChannel
-    heading: TrackingChannel
+    x: PidChannel
+    y: PidChannel
+    heading: PidChannel
 
-    @property
-    def detail_units(self) -> Mapping[str, str]:
-        """Units of the gains in use and of the fuzzy inputs, per channel."""
-        return detail_units({"x": self.x, "y": self.y, "heading": self.heading})
-
-    def compiled_law(self) -> CompiledLaw | None:
-        """Return the law for compiled loops; None for other tuners than ours."""
-        packed = [packed_channel(each) for each in (self.x, self.y, self.heading)]
-        return None if any(each is None for each in packed) else self._law_of(*packed)
-
-    def law_in_python(self) -> CompiledLaw:
-        """Return the law for tuners of the user."""
-        return in_python(self._law_of(self.x, self.y, self.heading))
-
-    def _law_of(self, *channels: Any) -> CompiledLaw:
+    def law_of(self, *channels: Any) -> CompiledLaw:
+        """Return the law with these channels, of kernels or of Python."""
         window = SetpointWindow(0.0, 3, 0.5 * self.dt)
         data = TrackingData(self.dt, *channels)
         return CompiledLaw(tracking_pid_law, data, np.zeros(1, MEMORY), window)

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.choices import OutOfRange
 from omnidrive.compiled import CompiledFunction, compilable_as, compiled
+from omnidrive.compiled.uncounted import uncounted
 from omnidrive.control.pid.fuzzy_options import FuzzyOptions
 from omnidrive.control.pid.laws import GainChange
 from omnidrive.control.pid.rules import paper_rules, published_rules
@@ -152,7 +153,9 @@ _NO_SYSTEM = (np.empty(0), np.empty(0, np.int64), np.empty((0, 4), np.int64))
 
 
 def packed_tuner(tune: Tuner) -> PackedTuner | None:
-    """Return a tuner for kernels; None: it is not one of this package."""
+    """Return a tuner for kernels; None: it is not one of this package, or Numba is disabled."""
+    if not hasattr(inferred_changes, "py_func"):
+        return None
     if isinstance(tune, FuzzyTuner):
         return PackedTuner(_machine_code(inferred_changes), *tune.inference.arrays)
     return PackedTuner(_machine_code(no_changes), *_NO_SYSTEM) if tune is no_tuning else None
@@ -199,6 +202,16 @@ def _packed_changes(tune: PackedTuner, error: float, change: float) -> GainChang
         return 0.0, 0.0, 0.0
     kp, ki, kd = tune.function(tune.floats, tune.integers, tune.slices, error, change)
     return kp, ki, kd
+
+
+def _uncounted(channels: Any) -> Any:
+    return uncounted(channels)
+
+
+@compilable_as(_uncounted)
+def borrowed(channels: Any) -> Any:
+    """Return an argument of a kernel, whose arrays need no reference counting; itself in Python."""
+    return channels
 
 
 @compilable_as(_packed_changes)

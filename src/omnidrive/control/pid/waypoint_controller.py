@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.control.compiled_law import CompiledLaw, SampleState, SetpointWindow, in_python
+from omnidrive.control.compiled_law import CompiledLaw, SampleState, SetpointWindow
 from omnidrive.control.controller import CommandLimits
-from omnidrive.control.law_controller import LawController
 from omnidrive.control.pid.channel import (
     SELF_TUNING_MEMORY,
     Channel,
-    WaypointChannel,
+    PidChannel,
     channel_law,
-    detail_units,
-    packed_channel,
     write_tuning,
 )
+from omnidrive.control.pid.channel_controller import ChannelController
+from omnidrive.control.pid.tuners import borrowed
 from omnidrive.estimation import State
 from omnidrive.geometry import WorldTwist
 from omnidrive.geometry.kernels import to_body, wrap
@@ -55,13 +54,13 @@ def waypoint_law(position: Callable[..., Any], heading: Callable[..., Any]) -> C
         details: Float[Array, " details"],
     ) -> int:
         """Fill in command and details of a sample."""
-        m, goal = memory[0], setpoints[0]
+        m, goal, channels = memory[0], setpoints[0], borrowed(data)
         x, y, yaw = now.pose
         error, turn = complex(goal[0] - x, goal[1] - y), goal[2] - yaw
         if data.wraps_heading:
             turn = wrap(turn)
-        velocity, tuned = position(data.position, m.position, error, abs(error))
-        yaw_rate, tuned_heading = heading(data.heading, m.heading, turn, turn)
+        velocity, tuned = position(channels.position, m.position, error, abs(error))
+        yaw_rate, tuned_heading = heading(channels.heading, m.heading, turn, turn)
         twist = to_body(WorldTwist(velocity.real, velocity.imag, yaw_rate.real), yaw)
         command[0], command[1], command[2] = twist
         write_tuning((tuned, tuned_heading), details)
@@ -71,7 +70,7 @@ def waypoint_law(position: Callable[..., Any], heading: Callable[..., Any]) -> C
 
 
 @dataclass(frozen=True)
-class FuzzyPidController(LawController):
+class FuzzyPidController(ChannelController):
     """A :class:`~omnidrive.control.Controller` that drives to the next sample's reference pose.
 
     The position channel maps the vector to the goal to a velocity in W, tuned by the distance; the
@@ -85,20 +84,17 @@ class FuzzyPidController(LawController):
         wraps_heading: Whether the heading difference is wrapped to [-pi, pi].
     """
 
-    dt: float
-    position: WaypointChannel
-    heading: WaypointChannel
-    wraps_heading: bool
+    axes: ClassVar[tuple[str, ...]] = ("position", "heading")
 
-    @property
-    def detail_units(self) -> Mapping[str, str]:
-        """Units of the gains in use and of the fuzzy inputs, per channel."""
-        return detail_units({"position": self.position, "heading": self.heading})
+    dt: float
+    position: PidChannel | Channel
+    heading: PidChannel | Channel
+    wraps_heading: bool
 
     def reset(self, state: State) -> None:
         """Clear the memory."""
         super().reset(state)
-        for each in (self.position, self.heading):
+        for each in self.channels:
             if isinstance(each, Channel):
                 each.reset()
 
@@ -107,18 +103,8 @@ class FuzzyPidController(LawController):
         each = (self.position.parameters, self.heading.parameters)
         return CommandLimits(*(getattr(parameters, "limit", inf) for parameters in each))
 
-    def compiled_law(self) -> CompiledLaw | None:
-        """Return the law for compiled loops; None for other channels or tuners than ours."""
-        position, heading = packed_channel(self.position), packed_channel(self.heading)
-        if position is None or heading is None:
-            return None
-        return self._law_of(position, heading)
-
-    def law_in_python(self) -> CompiledLaw:
-        """Return the law for channels or tuners of the user."""
-        return in_python(self._law_of(self.position, self.heading))
-
-    def _law_of(self, position: Any, heading: Any) -> CompiledLaw:
+    def law_of(self, *channels: Any) -> CompiledLaw:
+        """Return the law with these channels, of kernels or of Python."""
         step = waypoint_law(channel_law(self.position), channel_law(self.heading))
-        data = WaypointData(self.wraps_heading, position, heading)
+        data = WaypointData(self.wraps_heading, *channels)
         return CompiledLaw(step, data, np.zeros(1, MEMORY), SetpointWindow(self.dt, 1, 0.0))
