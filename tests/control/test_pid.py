@@ -694,7 +694,7 @@ def test_input_that_the_fuzzy_system_refuses_is_named(preset):
     assert first_command(controller, Pose(0.0, 0.0, 0.0), Pose(0.1, 0.0, 0.0)).vx > 0.0
     command = controller.step(0.0, State(0.0, Pose(6.0, 0.0, 0.0)), Hold(Pose(0.0, 0.0, 0.0), 1.0))
     assert command.status is Status.FAILED
-    assert re.fullmatch(r"the input 'E' is [36], outside its range \[-1, 1\]", command.message)
+    assert re.fullmatch(r"the input 'error' is [36], outside its range \[-1, 1\]", command.message)
 
 
 class TestClassical:

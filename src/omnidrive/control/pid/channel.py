@@ -120,7 +120,9 @@ class PackedChannel(NamedTuple):
 
 def packed_channel(channel: PidChannel | Channel) -> PackedChannel | None:
     """Return a channel for kernels; None: it or its tuner is not one of this package."""
-    tune = packed_tuner(channel.tune) if isinstance(channel, PidChannel) else None
+    if not isinstance(channel, PidChannel):
+        return None
+    tune = packed_tuner(channel.tune)
     return None if tune is None else PackedChannel(tune, channel.dt, channel.parameters)
 
 
