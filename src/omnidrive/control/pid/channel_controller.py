@@ -10,11 +10,13 @@ from omnidrive.control.compiled_law import CompiledLaw, in_python
 from omnidrive.control.controller import Command
 from omnidrive.control.law_controller import LawController
 from omnidrive.control.pid.channel import (
+    Channel,
     TuningRecord,
     inference_error,
     packed_channel,
     tuning_units,
 )
+from omnidrive.estimation import State
 
 
 class ChannelController(LawController):
@@ -40,6 +42,13 @@ class ChannelController(LawController):
             for axis, channel in zip(self.axes, self.channels, strict=True)
             for name, unit in tuning_units(channel.parameters).items()
         }
+
+    def reset(self, state: State) -> None:
+        """Clear the memory."""
+        super().reset(state)
+        for each in self.channels:
+            if isinstance(each, Channel):
+                each.reset()
 
     def compiled_law(self) -> CompiledLaw | None:
         """Return the law for compiled loops; None for other channels or tuners than ours."""

@@ -24,7 +24,6 @@ from omnidrive.control.pid.channel import (
 )
 from omnidrive.control.pid.channel_controller import ChannelController
 from omnidrive.control.pid.tuners import borrowed
-from omnidrive.estimation import State
 from omnidrive.geometry import WorldTwist
 from omnidrive.geometry.kernels import to_body, wrap
 from omnidrive.reference import Reference
@@ -90,13 +89,6 @@ class FuzzyPidController(ChannelController):
     position: PidChannel | Channel
     heading: PidChannel | Channel
     wraps_heading: bool
-
-    def reset(self, state: State) -> None:
-        """Clear the memory."""
-        super().reset(state)
-        for each in self.channels:
-            if isinstance(each, Channel):
-                each.reset()
 
     def command_limits(self, reference: Reference) -> CommandLimits:
         """Return the limits of the channels; the law without memory has none."""
