@@ -8,6 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from omnidrive.deploy import DriveControls
+from omnidrive.deploy.log import read_log
 from omnidrive.evaluation.metrics import heading_error
 from tests.command import omnidrive
 from tests.deploy.test_drive_log import held_and_armed, logged
@@ -53,10 +54,20 @@ def test_folder_without_the_log_of_a_run_names_its_logs(folder, tmp_path):
     done = omnidrive("log", "show", ".", cwd=tmp_path)
     assert done.returncode == 2
     assert "has no log.mcap\n" in done.stderr
-    (tmp_path / "drive-0001.mcap").write_bytes((made / "log.mcap").read_bytes())
+    for name in ("drive-0001", "drive-0002-0000", "drive-0002-0001"):
+        (tmp_path / f"{name}.mcap").write_bytes((made / "log.mcap").read_bytes())
     done = omnidrive("log", "replay", ".", cwd=tmp_path)
     assert done.returncode == 2
-    assert "has no log.mcap; name one of its logs: drive-0001.mcap\n" in done.stderr
+    names = "drive-0001.mcap, drive-0002-0000.mcap"
+    assert f"has no log.mcap; name one of its logs: {names}\n" in done.stderr
+
+
+@pytest.mark.parametrize("names", [["drive-0001"], ["drive-0001-0000", "drive-0001-0001"]])
+def test_folder_of_one_drive_stands_for_its_log(folder, tmp_path, names):
+    made, _ = folder
+    for name in names:
+        (tmp_path / f"{name}.mcap").write_bytes((made / "log.mcap").read_bytes())
+    assert read_log(tmp_path).paths == (tmp_path / f"{names[0]}.mcap",)
 
 
 def test_show_prints_json(folder):

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import threading
 import warnings
 from importlib import import_module
 from unittest.mock import Mock
@@ -13,6 +14,7 @@ from omnidrive.cli.main import VERBS, load_verb, main
 from omnidrive.cli.progress import LiveProgress, _Steps
 from omnidrive.compiled.compilation import reported
 from omnidrive.control.supervision import Event
+from omnidrive.deploy.drive_state import EVENT
 from omnidrive.errors import InvalidInput
 from omnidrive.study import Study
 
@@ -133,6 +135,38 @@ def test_messages_of_libraries_are_notes_printed_once(command, monkeypatch):
     monkeypatch.setattr("omnidrive.cli.warmup.warmup", verb)
     expected = "omnidrive: note: no font STIX, really\nomnidrive: note: 'a' is now called 'b'\n"
     assert command("warmup") == (0, "", expected)
+
+
+def test_equal_events_are_printed_each_time(command, monkeypatch):
+    def verb():
+        for _ in range(2):
+            logging.getLogger("omnidrive").warning("held", extra=EVENT)
+
+    monkeypatch.setattr("omnidrive.cli.warmup.warmup", verb)
+    assert command("warmup") == (0, "", 2 * "omnidrive: note: held\n")
+
+
+def test_what_logs_does_not_wait_for_a_terminal_that_is_stopped(command, monkeypatch):
+    goes_on, printed = threading.Event(), []
+
+    def verb():
+        with terminal.notes_in_a_thread():
+            for k in range(3):
+                logging.getLogger("omnidrive").warning("held %d", k)
+            logging.getLogger("omnidrive").info("not shown")
+            printed.append(len(terminal._Output.noted))  # of which none is out yet
+            goes_on.set()
+        logging.getLogger("omnidrive").warning("held again")
+
+    def write(text):
+        assert goes_on.wait(30.0)
+        print(text)
+
+    monkeypatch.setattr(terminal, "_print", write)
+    monkeypatch.setattr("omnidrive.cli.warmup.warmup", verb)
+    out = "".join(f"note: held {k}\n" for k in (0, 1, 2, "again"))
+    assert command("warmup") == (0, out, "")
+    assert printed[0] <= 1
 
 
 def test_names_from_files_do_not_control_the_terminal(capsys, monkeypatch):

@@ -3,6 +3,7 @@
 Its wheels turn exactly as commanded, in whole encoder steps per second.
 """
 
+import argparse
 import json
 import socket
 import struct
@@ -183,3 +184,39 @@ class EndlessHost:
                 connection.sendall(part)
         except OSError:
             self.closed += 1
+
+
+def main(command_port, observation_port):
+    """Run a host until the process is killed; print its ports, and what its watchdog does."""
+    with LeKiwiHost(ports=(command_port, observation_port)) as host:
+        ports = f"command_port={host.command_port},observation_port={host.observation_port}"
+        print(f"host=127.0.0.1,{ports}", flush=True)
+        driven, stops = False, 0
+        while True:
+            time.sleep(0.1)
+            driven = driven or bool(host.actions)
+            host.actions.clear()  # of the tests
+            if driven and len(host.stops) > stops:
+                pose = "x {:.3f} m, y {:.3f} m, heading {:.3f} rad".format(*host.pose)
+                print(
+                    f"watchdog: no command for {host.watchdog:g} s, stopped at {pose}", flush=True
+                )
+                driven = False
+            stops = len(host.stops)
+
+
+if __name__ == "__main__":
+    words = argparse.ArgumentParser(
+        description="A simulated LeKiwi with its host; it prints the parameters of the link."
+    )
+    words.add_argument("command_port", type=int, nargs="?", default=5555, help="[default: 5555]")
+    words.add_argument(
+        "observation_port", type=int, nargs="?", default=5556, help="[default: 5556]"
+    )
+    chosen = words.parse_args()
+    try:
+        main(chosen.command_port, chosen.observation_port)
+    except (zmq.ZMQError, OverflowError, ValueError) as error:
+        words.error(f"ports {chosen.command_port} and {chosen.observation_port}: {error}")
+    except KeyboardInterrupt:
+        print()

@@ -1,5 +1,6 @@
 """Faults of a simulated robot on simulated time: it is held, says why, and waits until armed."""
 
+import logging
 from dataclasses import dataclass
 from math import inf, nan, pi
 
@@ -216,3 +217,19 @@ def test_without_newer_fixes_the_estimator_is_not_blamed():
     made.on_read.append(lambda made, r: r if made._clock.now() < BEGIN else r._replace(fixes=()))
     held = driven(made).changes[2]
     assert held.reason.endswith("more than 0.5 s")
+
+
+def test_zero_speed_is_sent_before_a_hold_is_noted():
+    """A handler of the log may wait for a terminal."""
+    made, controls, sent = link(), DriveControls(arm=True), []
+    made.on_read.append(lambda made, r: None if BEGIN <= made._clock.now() < END else r)
+    made.on_read.append(armed_at(ARMED, controls))
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = lambda _: sent.append(made.sent[-1])
+    logging.getLogger("omnidrive").addHandler(handler)
+    try:
+        result = driven(made, circle(DURATION), controls)
+    finally:
+        logging.getLogger("omnidrive").removeHandler(handler)
+    (held,) = [each for each in result.changes if each.state is DriveState.HOLDING]
+    assert sent == [(pytest.approx(held.t), STOP)]

@@ -61,7 +61,8 @@ def folder(planned, result, tmp_path_factory):
     made.save_inputs(planned)
     drawn = []
 
-    def draw(results, path):
+    def draw(results, path, formats):
+        assert formats == ("svg", "pdf")
         drawn.append((results.tracks[0].name, path))
         path.mkdir()
         return []
@@ -80,6 +81,21 @@ def test_folder_has_the_files_of_a_simulation(folder):
         assert (folder.path / "figures" / name).stat().st_size > 1000
     series = list((folder.path / "series").iterdir())
     assert [each.suffix for each in series] == [".parquet"]
+
+
+def test_formats_of_the_figures_are_chosen(planned, result, tmp_path, monkeypatch):
+    def draw(results, path, formats):
+        path.mkdir()
+        return []
+
+    monkeypatch.setattr(drive_folder, "write_figures", draw)
+    for formats, files, shown in ((("png",), {"punctuality.png"}, 1), ((), set(), 0)):
+        made = study.RunFolder(tmp_path / str(len(formats)))
+        made.save_inputs(planned)
+        page = save_drive(result, planned, "simulated", made, formats).read_text()
+        assert {path.name for path in made.path.glob("figures/*")} == files
+        assert page.count("<h3>Punctuality of the loop</h3>") == shown
+        assert "armed by the user" in page
 
 
 def test_results_tell_of_the_drive(folder, result):
@@ -130,15 +146,16 @@ def test_notebooks_show_drive_and_run(result, planned):
 )
 def test_a_hold_is_shown_at_once_with_how_it_ends(keys, way, capsys):
     controls, text = DriveControls(), ""
-    with _shown_states(controls, keys=keys):
-        for name, value in (("tracked", ()), ("held", "no readings"), ("held", None)):
+    changes = (("connected", True), ("tracked", ()), ("held", "no readings"), ("held", None))
+    with _shown_states(controls, "press a", keys=keys):
+        for name, value in changes:
             setattr(controls, name, value)
             lines, end = text.count("\n"), time.monotonic() + 30.0
             while text.count("\n") == lines and time.monotonic() < end:
                 time.sleep(0.01)
                 text += capsys.readouterr().out
     drives = "the controller drives the robot"
-    assert text.splitlines() == [drives, f"held: {way}", drives]
+    assert text.splitlines() == ["press a", drives, f"held: {way}", drives]
 
 
 def test_log_of_a_drive_names_its_components(tmp_path):
@@ -158,6 +175,7 @@ def test_a_robot_that_cannot_be_reached_leaves_the_folder_free(tmp_path):
     done = omnidrive(*words, "--arm", "--out", "folder", cwd=tmp_path)
     assert done.returncode == 2
     assert "the serial port /dev/missing cannot be opened" in done.stderr
+    assert done.stdout == ""  # nothing asks to arm it
     assert list((tmp_path / "folder").iterdir()) == []
     assert omnidrive(*words, "--arm", cwd=tmp_path).returncode == 2
     assert list((tmp_path / "runs").iterdir()) == []

@@ -1,9 +1,14 @@
 """The link to a LeKiwi against an independent host, and hostile observations."""
 
 import json
+import re
+import socket
+import subprocess
+import sys
 import time
 from dataclasses import replace
 from math import degrees, pi
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -341,3 +346,41 @@ def test_silent_host_is_reported(monkeypatch):
         host.change = lambda _usual: [b"hello"]
         with pytest.raises(LinkLost, match="is no observation of a LeKiwi"):
             opened(host)
+
+
+HOST = [sys.executable, str(Path(__file__).parent / "lekiwi_host.py")]
+
+
+def test_simulated_host_prints_the_link_to_it_and_where_its_watchdog_stops_the_robot():
+    with subprocess.Popen([*HOST, "0", "0"], stdout=subprocess.PIPE, text=True) as process:
+        try:
+            words = dict(word.split("=") for word in process.stdout.readline().strip().split(","))
+            link = LeKiwiLink(
+                ROBOT, words["host"], int(words["command_port"]), int(words["observation_port"])
+            )
+            link.open(MonotonicClock())
+            link.send(BodyTwist(0.1, 0.0, 0.0))
+            link.close()
+            stopped = process.stdout.readline()
+        finally:
+            process.kill()
+    assert re.fullmatch(
+        r"watchdog: no command for 0\.5 s, stopped at x 0\.0\d\d m, y -?0\.000 m, .*\n", stopped
+    )
+
+
+def test_simulated_host_refuses_wrong_words_and_ports_in_use_with_its_usage():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        for words, message in {
+            ("one",): "invalid int value: 'one'",
+            (port, "0"): f"ports {port} and 0: ",
+        }.items():
+            command = [*HOST, *words]
+            done = subprocess.run(
+                command, capture_output=True, text=True, timeout=60.0, check=False
+            )
+            assert done.returncode == 2
+            assert done.stderr.startswith("usage: lekiwi_host.py")
+            assert message in done.stderr
+            assert "Traceback" not in done.stderr

@@ -72,6 +72,11 @@ def test_warnings(changes, message):
     assert any(re.search(message, warning) for warning in warnings), warnings
 
 
+@pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
+def test_named_robots_have_no_warnings(robot):
+    assert RobotSummary.of(robot).warnings == ()
+
+
 def test_one_wrong_sign_on_centred_wheels_is_named_instead_of_the_origin():
     first, *others = named_robot("mecanum").mounts
     mounts = (first._replace(roller_angle=-first.roller_angle), *others)

@@ -22,7 +22,6 @@ from omnidrive.planning import Path as PosePath
 from omnidrive.reference.waypoints import save_waypoints
 from omnidrive.robot import named_robot, save_robot
 from omnidrive.scenario import paper_scenario, save_scenario
-from omnidrive.simulation.log_file import save_run
 from omnidrive.study import RunFolder
 from tests.files.power_failure import TORN, contents_after_failure, recorded_disk
 from tests.simulation.recorded_run import recorded_run
@@ -61,8 +60,8 @@ WRITERS = {
     "scenario.yaml": lambda path: save_scenario(paper_scenario(), path),
     "path.csv": lambda path: save_waypoints(path, PATH),
     "path.yaml": lambda path: save_waypoints(path, PATH),
-    "log.csv": lambda path: save_run(recorded_run(), path),
-    "log.parquet": lambda path: save_run(recorded_run(), path),
+    "log.csv": recorded_run().save,
+    "log.parquet": recorded_run().save,
     "figure.png": lambda path: save_figure(Figure(), path),
     "t.csv": lambda path: list(write_tables([TABLE], path.parent)),
 }

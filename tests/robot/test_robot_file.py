@@ -52,7 +52,7 @@ LITERALS = [
         name="mecanum",
         mounts=mecanum_rectangle(0.2, 0.22),
         wheel=OmniWheel(0.0762, 0.9, 0.004, 12, 0.011, 0.03, 0.05, 1),
-        mass=20.0, com_height=0.1, body_radius=0.36, friction=0.8, lag=(0.0126, 0.0042),
+        mass=20.0, com_height=0.1, body_radius=0.37, friction=0.8, lag=(0.0126, 0.0042),
         max_wheel_speed=25.0, max_torque=6.0, servo_gain=4.0,
     ),
 ]  # fmt: skip

@@ -302,7 +302,6 @@ def _store(path):
     read_study(path.parent)
     with Store(path.parent, read_only=True) as store:
         store.status()
-        store.logs()
 
 
 def _studies(folder):
@@ -318,7 +317,7 @@ def _studies(folder):
         store.begin("{}")
         store.note("until", "width 0.1")
         plan = SyntheticPlan(4)
-        store.add([record(plan[number]) for number in range(4)], [None, "log", None, None])
+        store.add([record(plan[number]) for number in range(4)])
     database = store.path.read_bytes()
     del sets["study.yaml"]
     return {

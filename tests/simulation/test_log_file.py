@@ -14,7 +14,7 @@ from omnidrive.errors import InvalidLog
 from omnidrive.scenario import SensorsSection, plan_and_check, settings_of_runs, simulate_run
 from omnidrive.scenario.tasks import FaultsTask, Tasks
 from omnidrive.simulation import Outcome, load_run
-from omnidrive.simulation.log_file import _ENDING
+from omnidrive.simulation.log_file import ENDING
 from tests.simulation.recorded_run import recorded_run
 from tests.study.small import small_scenario
 
@@ -70,20 +70,20 @@ def saved(path):
 
 
 def changed_ending(table, **changes):
-    ending = json.loads(table.schema.metadata[_ENDING]) | changes
-    return table.replace_schema_metadata({_ENDING: json.dumps(ending)})
+    ending = json.loads(table.schema.metadata[ENDING]) | changes
+    return table.replace_schema_metadata({ENDING: json.dumps(ending)})
 
 
 BAD = {
     "has other columns": (lambda table: table.drop_columns(["status"]), "there is no 'status'"),
     "no ending": (lambda table: table.replace_schema_metadata({}), "its outcome and its events"),
-    "bad JSON": (lambda table: table.replace_schema_metadata({_ENDING: "{"}), "Expecting"),
+    "bad JSON": (lambda table: table.replace_schema_metadata({ENDING: "{"}), "Expecting"),
     "outcome": (lambda table: changed_ending(table, outcome="WON"), "there is no 'WON'"),
     "events": (lambda table: changed_ending(table, events=[[1.0]]), "not enough values"),
     "time of an event": (lambda table: changed_ending(table, events=[["nan", "a"]]), "not finite"),
     "reason": (lambda table: changed_ending(table, reason=3), "is none"),
     "ending of another type": (
-        lambda table: table.replace_schema_metadata({_ENDING: "[1]"}), "list indices",
+        lambda table: table.replace_schema_metadata({ENDING: "[1]"}), "list indices",
     ),
     "texts": (lambda table: with_column(table, "x", ["a"] * len(table)), "parse"),
     "no whole numbers": (lambda table: with_column(table, "status", [None] * len(table)), "lacks"),

@@ -14,9 +14,7 @@ from omnidrive.errors import CannotWrite, RunFailed
 from omnidrive.evaluation.figures import catalogue, write_figures
 from omnidrive.files import output_file
 from omnidrive.scenario import simulate_run
-from omnidrive.scenario.run_simulation import unfinished
 from omnidrive.scenario.tasks import DurationsTask, StepTask, Tasks
-from omnidrive.simulation import Outcome
 from omnidrive.study import RunFolder, check_figure, check_new_folder, run_study
 from tests.study.small import small_scenario
 
@@ -104,15 +102,16 @@ def test_temporary_files_of_other_names_are_kept_beside_an_output_file(parts, tm
 
 
 def test_lost_run_is_named_in_results_and_report(tmp_path, monkeypatch):
-    def execute_jobs(planned, jobs, *_, **__):
-        for job in jobs:
-            lost = unfinished(planned, job, Outcome.TIMED_OUT, "60 s")
-            yield job, lost if job.task == "step" else simulate_run(planned, job)
+    def simulated(planned, settings, observers=()):
+        if settings.task == "step":
+            raise KeyboardInterrupt
+        return simulate_run(planned, settings, observers)
 
-    monkeypatch.setattr("omnidrive.study.study.execute_jobs", execute_jobs)
+    monkeypatch.setattr("omnidrive.study.block_runner.simulate_run", simulated)
+    monkeypatch.setattr("omnidrive.study.block_runner.is_worker", lambda: True)
     track = DurationsTask(durations=(20.0,))
     study = run_study(STEP.with_values(tasks=Tasks(step=STEP.tasks.step, track=track)), tmp_path)
-    outcome = "the run exceeded its time limit: 60 s"
+    outcome = "the process of the run was killed: by KeyboardInterrupt of a component"
     data = json.loads((tmp_path / "results.json").read_text())
     assert {(row["finished"], row["outcome"]) for row in data["step_response"]} == {
         (False, outcome)

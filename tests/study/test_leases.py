@@ -6,7 +6,6 @@ import sys
 
 import pytest
 
-from omnidrive.errors import CannotWrite
 from omnidrive.study import leases as leases_module
 from omnidrive.study.leases import Leases, _start_of
 from omnidrive.study.store import Store
@@ -132,28 +131,9 @@ def test_search_begins_behind_stored_runs(store, own, monkeypatch):
     assert own._first == 8
 
 
-def test_leases_that_are_not_shared_refuse_a_second_process(store, own, tmp_path):
-    with (
-        Store(tmp_path) as second,
-        pytest.raises(CannotWrite, match=rf"is in use: process {os.getpid()} computes this study"),
-        Leases(second, PLAN, shared=False),
-    ):
-        pass
-
-
-def test_leases_that_are_not_shared_follow_a_process_that_has_ended(store):
-    """Of this computer at once; of another one when its heartbeat stands still."""
-    for values in ({"pid": 2**22 + 1}, {"host": "elsewhere"}):
-        enter(store, **values)
-        with Leases(store, PLAN, patience=0.05, shared=False) as leases:
-            assert leases.take(30) == list(range(30))
-
-
-def test_leases_that_are_not_shared_refuse_when_another_computer_is_at_work(store, monkeypatch):
-    enter(store, host="elsewhere", beat=3)
-    monkeypatch.setattr(leases_module, "sleep", lambda _: enter(store, host="elsewhere", beat=4))
-    with (
-        pytest.raises(CannotWrite, match="process 1 of another computer computes this study"),
-        Leases(store, PLAN, shared=False),
-    ):
-        pass
+def test_runs_of_a_small_plan_are_leased_in_a_given_order(store):
+    order = [*range(29, -1, -2), *range(0, 30, 2)]
+    with Leases(store, PLAN, order=order) as leases:
+        found = [leases.take(1)[0] for _ in range(30)]
+        assert leases.take(1) == []
+    assert found == order

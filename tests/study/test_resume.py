@@ -4,14 +4,15 @@ import json
 
 import pytest
 
-from omnidrive.errors import CannotWrite
+from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.scenario import load_scenario
 from omnidrive.scenario.run_settings import settings_of_runs
 from omnidrive.scenario.run_simulation import simulate_run
 from omnidrive.scenario.tasks import DurationsTask, NoiseTask, StepTask, Tasks
 from omnidrive.study import run_study
 from omnidrive.study.output_paths import check_study_folder
-from omnidrive.study.study import NullProgress
+from omnidrive.study.progress import NullProgress
+from omnidrive.study.study import _check_scenario
 from tests.study.small import small_scenario
 
 SHORT = small_scenario(
@@ -41,28 +42,27 @@ def executed(monkeypatch):
     """Return a list to which the runs are added that are executed."""
     found = []
 
-    def noted(planned, job, observers=()):
-        found.append(job.task)
-        return simulate_run(planned, job, observers)
+    def noted(planned, settings, observers=()):
+        found.append(settings.task)
+        return simulate_run(planned, settings, observers)
 
-    monkeypatch.setattr("omnidrive.study.job_execution.simulate_run", noted)
+    monkeypatch.setattr("omnidrive.study.block_runner.simulate_run", noted)
     return found
 
 
-def test_second_process_on_one_folder_is_refused(tmp_path, monkeypatch):
-    """The first one goes on."""
-    refused = []
+def test_second_call_on_one_folder_shares_the_runs(tmp_path, monkeypatch):
+    seen, others = executed(monkeypatch), []
 
     class Second(NullProgress):
         def done(self, what):
-            if not refused:
-                refused.append(None)
-                with pytest.raises(CannotWrite, match="is in use: process"):
-                    run_study(SHORT, tmp_path / "s")
+            if not others:
+                others.append(None)
+                others.append(run_study(SHORT, tmp_path / "s", figures=()))
 
-    study = run_study(SHORT, tmp_path / "s", progress=Second())
-    assert refused
-    assert len(study.results.runs) == len(settings_of_runs(SHORT))
+    study = run_study(SHORT, tmp_path / "s", progress=Second(), figures=())
+    count = len(settings_of_runs(SHORT))
+    assert len(study.results.runs) == len(others[1].results.runs) == count
+    assert len(seen) == count
 
 
 def without_times(value):
@@ -125,3 +125,10 @@ def test_finished_study_is_not_continued(tmp_path):
     run_study(SHORT, tmp_path / "a")
     with pytest.raises(CannotWrite, match="is not empty; choose a new folder with --out"):
         run_study(SHORT, tmp_path / "a")
+
+
+def test_a_scenario_is_needed_and_a_study_is_shown_in_one_line():
+    with pytest.raises(InvalidInput, match=r"the scenario is 'a\.yaml', need a Scenario"):
+        _check_scenario("a.yaml")
+    study = run_study(SHORT)
+    assert repr(study) == f"<Study {study.results.title!r}: 4 runs, folder 'None'>"

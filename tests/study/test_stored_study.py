@@ -13,7 +13,7 @@ import yaml
 from typer.testing import CliRunner
 
 from omnidrive.cli.main import app
-from omnidrive.errors import InvalidInput, OmnidriveError
+from omnidrive.errors import InvalidInput, InvalidStore, OmnidriveError
 from omnidrive.files.output_file import _COMPUTER
 from omnidrive.scenario import save_scenario
 from omnidrive.study import RunPlan, parse_definition, save_definition
@@ -200,6 +200,14 @@ def test_verb_report_of_a_part_of_a_study(tmp_path):
     assert "20 of 60 planned runs are not finished" in page
     assert (folder / "tables" / "answer.csv").is_file()
     assert (folder / "figures" / "pairs.svg").is_file()
+
+
+def test_studies_in_folders_of_a_folder_are_named(tmp_path):
+    for name in ("held-out", "training"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "study.yaml").touch()
+    with pytest.raises(InvalidStore, match=r"there are studies in .*held-out, .*training$"):
+        read_study(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from omnidrive.compiled import cache_folder
 from omnidrive.errors import CannotWrite, RunFailed
 from omnidrive.execution.worker_pool import Lost, WorkerPool
 from omnidrive.study import warm_up
-from omnidrive.study.study import NullProgress
+from omnidrive.study.progress import NullProgress
 
 
 class Log(NullProgress):

@@ -14,9 +14,17 @@ from omnidrive import scenario as scenarios
 from omnidrive import study
 from omnidrive.cli.completion import component
 from omnidrive.cli.components import ControllerOption, chosen_component, one_run
-from omnidrive.cli.options import FolderOption, default_folder, flag, option
+from omnidrive.cli.drive_errors import tracking_error
+from omnidrive.cli.options import (
+    FiguresOption,
+    FolderOption,
+    default_folder,
+    figure_formats,
+    flag,
+    option,
+)
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
-from omnidrive.cli.terminal import conclude, show, warn
+from omnidrive.cli.terminal import conclude, notes_in_a_thread, show, warn
 from omnidrive.errors import OmnidriveError, RunFailed
 
 if TYPE_CHECKING:
@@ -28,6 +36,7 @@ if TYPE_CHECKING:
     from omnidrive.deploy.robot_link import RobotLink
 
 _PANEL = "Robot"
+_PROMPT = "press a and Enter to arm the robot, Enter to stop it"
 _POLL = 0.05
 """Time between two looks at the state of the drive, s."""
 
@@ -55,6 +64,7 @@ def drive(
         option("HZ", "Samples per second, 1 to 1000 [default: those of the scenario].", _PANEL),
     ] = None,
     out: FolderOption = None,
+    figures: FiguresOption = None,
 ) -> None:
     """Drive a robot in real time: a simulated one, or a real one over a link.
 
@@ -73,6 +83,7 @@ def drive(
 
     if out is not None:
         study.check_new_folder(out)
+    formats = figure_formats(figures, ("svg", "pdf"))
     chosen = chosen_component("links", link)
     given = one_run(shared.resolve(), controller, "track", None, allow_code=shared.allow_code)
     scenario = _with_rate(given, rate)
@@ -86,7 +97,7 @@ def drive(
         planned, result = _drive(planned, controls, chosen, folder, cpu=cpu)
     _print(result)
     if result.ran:
-        report = save_drive(result, planned, chosen.type, folder)
+        report = save_drive(result, planned, chosen.type, folder, formats)
         conclude(f"results: {folder.path} (open {report})")
     else:
         conclude(f"nothing was driven; inputs and log: {folder.path}")
@@ -185,10 +196,12 @@ def _emptied_unless_begun(folder: study.RunFolder, *, remove: bool) -> Iterator[
 @contextmanager
 def _keys(controls: DriveControls, *, armed: bool) -> Iterator[None]:
     """Arm and stop with keys within the context, if the input is a terminal or a pipe."""
-    if not armed:
-        show("press a and Enter to arm the robot, Enter to stop it")
-    elif not os.isatty(0):
-        show("the input is no terminal: a robot that was held cannot be armed again; Ctrl-C ends")
+    keys = not armed or os.isatty(0)
+    prompt = "press Enter to stop the robot" if armed else _PROMPT
+    if not keys:
+        prompt = (
+            "the input is no terminal: a robot that was held cannot be armed again; Ctrl-C ends"
+        )
 
     def listen() -> None:
         """Read lines until one stops the robot."""
@@ -201,18 +214,19 @@ def _keys(controls: DriveControls, *, armed: bool) -> Iterator[None]:
         if not armed and not controls.arm_requested:
             controls.stop("the input ended")
 
-    if not armed or os.isatty(0):
+    if keys:
         threading.Thread(target=listen, daemon=True).start()
-    with _shown_states(controls, keys=not armed or os.isatty(0)):
+    with notes_in_a_thread(), _shown_states(controls, prompt, keys=keys):
         yield
 
 
 @contextmanager
-def _shown_states(controls: DriveControls, *, keys: bool) -> Iterator[None]:
-    """Print within the context when the controller begins to drive, and how a hold ends.
+def _shown_states(controls: DriveControls, prompt: str, *, keys: bool) -> Iterator[None]:
+    """Print within the context what a user can do, and when the controller begins to drive.
 
     Args:
         controls: The controls of the drive.
+        prompt: What is printed when the robot is connected.
         keys: Whether keys arm and stop the robot.
     """
     ended, shown = threading.Event(), ""
@@ -222,7 +236,11 @@ def _shown_states(controls: DriveControls, *, keys: bool) -> Iterator[None]:
     def watch() -> None:
         """Print each change until the context ends; the loop does not wait for the terminal."""
         nonlocal shown
+        asked = False
         while not ended.wait(_POLL):
+            if controls.connected and not asked:
+                show(prompt)
+                asked = True
             text = "the controller drives the robot" if controls.tracked is not None else ""
             text = held if controls.held is not None else text
             if text and text != shown:
@@ -240,8 +258,6 @@ def _shown_states(controls: DriveControls, *, keys: bool) -> Iterator[None]:
 
 def _print(result: DriveResult) -> None:
     """Print what happened, and how punctual the loop was."""
-    from omnidrive.evaluation.metrics import position_error
-
     for change in result.changes:
         show(f"{change.t:8.3f} s  {change.state.value:<8} {change.reason}")
     timing = result.timing.summary()
@@ -258,10 +274,7 @@ def _print(result: DriveResult) -> None:
     for measure in result.measures:
         show(str(measure))
     if len(result.run.t) > 1:
-        error = position_error(result.run.pose, result.run.target)
-        show(
-            f"estimated tracking error: ME {1e3 * error.mean():.2f} mm over {result.run.t[-1]:g} s"
-        )
+        show(tracking_error(result.run))
     if result.log is not None and (result.log.dropped or result.log.failure):
         lost = f"{result.log.dropped} samples dropped"
         warn(f"the log is not whole: {'; '.join(filter(None, [lost, result.log.failure]))}")

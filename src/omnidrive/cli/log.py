@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from omnidrive.cli.drive_errors import drive_errors, tracking_error
 from omnidrive.cli.log_replay import compare, replay
 from omnidrive.cli.options import RESULTS_PANEL, ForceOption, JsonOption, option, verb_group
 from omnidrive.cli.terminal import conclude, note, print_json
@@ -24,7 +25,7 @@ LogArgument = Annotated[
     Path,
     typer.Argument(
         metavar="FILE.mcap|FOLDER",
-        help="Log of a drive, or the first of its files, or its run folder.",
+        help="Log of a drive, or the first of its files, or the folder of one drive.",
     ),
 ]
 _TABLES = (".csv", ".parquet")
@@ -127,18 +128,7 @@ def _record(found: LoggedDrive, run: Run | None) -> dict[str, Any]:
         "events": [each._asdict() for each in found.events],
         "segments": len(found.segments),
     }
-    return data | ({} if run is None else {"duration_s": float(run.t[-1]), **_errors(run)})
-
-
-def _errors(run: Run) -> dict[str, float]:
-    from omnidrive.evaluation.metrics import heading_error, position_error
-
-    distance = position_error(run.pose, run.target)
-    return {
-        "me_m": float(distance.mean()),
-        "mae_rad": float(abs(heading_error(run.pose, run.target)).mean()),
-        "max_error_m": float(distance.max()),
-    }
+    return data | ({} if run is None else {"duration_s": float(run.t[-1]), **drive_errors(run)})
 
 
 def _lines(found: LoggedDrive, run: Run | None) -> list[str]:
@@ -164,11 +154,7 @@ def _lines(found: LoggedDrive, run: Run | None) -> list[str]:
     more = len(found.events) - _MAX_EVENTS
     lines += [f"and {more} more events: --json lists them", ""] if more > 0 else [""]
     if run is not None:
-        errors = _errors(run)
-        lines += [
-            f"estimated tracking error over {run.t[-1]:g} s: ME {1e3 * errors['me_m']:.2f} mm, "
-            f"MAE {1e3 * errors['mae_rad']:.2f} mrad, largest {1e3 * errors['max_error_m']:.2f} mm"
-        ]
+        lines.append(tracking_error(run))
     return [*lines, *_timing(found)]
 
 

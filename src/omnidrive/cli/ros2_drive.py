@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from omnidrive.cli.completion import component
+from omnidrive.cli.drive_errors import tracking_error
 from omnidrive.cli.options import RESULTS_PANEL, default_folder, flag, option
 from omnidrive.cli.ros2_node import DistributionOption, DomainOption, PeersOption, node_options
-from omnidrive.cli.terminal import conclude, note, show
+from omnidrive.cli.terminal import conclude, note, notes_in_a_thread, show
 from omnidrive.errors import InvalidInput, MissingExtra, one_line
 
 if TYPE_CHECKING:
@@ -204,7 +205,7 @@ def _drive(
     from omnidrive.ros2 import Node
 
     made = settings.make_robot()
-    with Node(name, **options) as node, announce_compiling():
+    with Node(name, **options) as node, announce_compiling(), notes_in_a_thread():
         link = Ros2Link(node, made, settings.link)
         reports = DriveReports(node, link.ros_clock, settings.world_frame)
         pipeline = settings.make_pipeline(made, reports)
@@ -249,6 +250,8 @@ def _conclude(result: DriveResult) -> bool:
     """Print the end of a drive; return whether it was finished."""
     timing = result.timing
     conclude(f"{result.ending}; {timing.misses} late samples, {result.limited} commands limited")
+    if len(result.run.t) > 1:
+        show(tracking_error(result.run))
     if result.log is not None:
         conclude(f"log: {result.log.paths[0]}")
     return result.finished

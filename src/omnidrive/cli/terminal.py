@@ -6,11 +6,17 @@ import json
 import logging
 import re
 import sys
-from typing import Annotated, Any, ClassVar
+from contextlib import contextmanager
+from logging.handlers import QueueHandler, QueueListener
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
 from omnidrive.errors import one_line
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 _LONGEST = 10_000  # characters of a line about results or input
@@ -100,12 +106,44 @@ def escaped(text: str) -> str:
 
 
 class NoteHandler(logging.Handler):
-    """Prints log records of all libraries as notes, above the progress display."""
+    """Prints log records of all libraries as notes, above the progress display.
+
+    Equal ones are printed once, but for those with the attribute ``is_event``.
+    """
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print the message of a record; warnings of Python are for developers."""
-        if record.name != "py.warnings":
+        if record.name == "py.warnings":
+            return
+        if getattr(record, "is_event", False):
+            _print(f"note: {record.getMessage()}")
+        else:
             note(record.getMessage())
+
+
+@contextmanager
+def notes_in_a_thread() -> Iterator[None]:
+    """Print log records in a thread within the context.
+
+    What logs does then not wait for a terminal whose output is stopped.
+    """
+    root = logging.getLogger()
+    printing = [each for each in root.handlers if isinstance(each, NoteHandler)]
+    records: SimpleQueue[logging.LogRecord | None] = SimpleQueue()
+    listener = QueueListener(records, *printing, respect_handler_level=True)
+    queued = QueueHandler(records)
+    queued.setLevel(logging.WARNING)
+    for each in printing:
+        root.removeHandler(each)
+    root.addHandler(queued)
+    listener.start()
+    try:
+        yield
+    finally:
+        root.removeHandler(queued)
+        for each in printing:
+            root.addHandler(each)
+        listener.stop()
 
 
 def _set_quiet(value: bool) -> None:

@@ -45,6 +45,7 @@ class DriveControls:
         hold_reason: Reason of the request to hold; None: there is none.
         arm_requested: Whether the robot is to be armed.
         held: Reason for which the robot is held, set by the loop; None: it is not held.
+        connected: Whether samples are processed, so that the robot can be armed; set by the loop.
         interrupted: Number of the first signal that stopped the drive; 0: none.
         starts: Whether the controller has not driven yet.
         tracked: What the drive tracks; set by the loop. None: the controller does not drive.
@@ -62,6 +63,7 @@ class DriveControls:
         self.hold_reason: str | None = None
         self.arm_requested = arm
         self.held: str | None = None
+        self.connected = False
         self.interrupted = 0
         self.starts = True
         self.tracked: Tracked | None = None

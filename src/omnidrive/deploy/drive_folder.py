@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from omnidrive.scenario.run_settings import settings_of_runs
 from omnidrive.scenario.run_simulation import evaluate
 from omnidrive.study.folder import RunFolder
 from omnidrive.study.output_paths import REPORT_FILE
-from omnidrive.study.study import collect_results
+from omnidrive.study.scenario_execution import collect_results
 
 _ESTIMATED = (
     "The true pose of a robot is not known: poses, speeds and errors are those of the estimate."
@@ -25,7 +26,13 @@ _CAPTION = (
 )
 
 
-def save_drive(result: DriveResult, planned: PlannedScenario, link: str, folder: RunFolder) -> Path:
+def save_drive(
+    result: DriveResult,
+    planned: PlannedScenario,
+    link: str,
+    folder: RunFolder,
+    figures: Sequence[str] = ("svg", "pdf"),
+) -> Path:
     """Write time series, results, figures, tables and report of a drive; return the report.
 
     Args:
@@ -33,6 +40,7 @@ def save_drive(result: DriveResult, planned: PlannedScenario, link: str, folder:
         planned: Its scenario, with one controller and the task ``track`` with one duration.
         link: Name of the link.
         folder: The folder, which holds the inputs.
+        figures: Formats of the figures: some of svg, pdf and png, or none.
 
     Raises:
         CannotWrite: A file cannot be written.
@@ -46,11 +54,14 @@ def save_drive(result: DriveResult, planned: PlannedScenario, link: str, folder:
     )
     tables = [*drive_tables(result), *study_tables(results, published=False)]
     folder.save_series(done.name, result.run)
-    list(write_figures(results, folder.path / "figures"))
-    figure = _punctuality(result, planned.scenario.sample_time, folder.path / "figures")
+    shown = []
+    if figures:
+        list(write_figures(results, folder.path / "figures", figures))
+        dt = planned.scenario.sample_time
+        shown = [_punctuality(result, dt, folder.path / "figures", figures)]
     list(write_tables(tables, folder.path / "tables"))
     folder.save_results(planned, results, {}, _drive_data(result, link))
-    write_page(results, tables, folder.path / REPORT_FILE, [figure])
+    write_page(results, tables, folder.path / REPORT_FILE, shown)
     return folder.path / REPORT_FILE
 
 
@@ -79,7 +90,9 @@ def drive_tables(result: DriveResult) -> list[Table]:
     ]
 
 
-def _punctuality(result: DriveResult, dt: float, folder: Path) -> PageFigure:
+def _punctuality(
+    result: DriveResult, dt: float, folder: Path, formats: Sequence[str]
+) -> PageFigure:
     """Write the figure of the punctuality; return it for the report."""
     from omnidrive.evaluation.figures.punctuality import (  # noqa: PLC0415 - takes a second
         punctuality_figure,
@@ -89,8 +102,12 @@ def _punctuality(result: DriveResult, dt: float, folder: Path) -> PageFigure:
     figure = punctuality_figure(result.timing.lateness, result.timing.busy, dt)
     path = folder / "punctuality.svg"
     save(figure, path)
-    save(figure, path.with_suffix(".pdf"))
-    return PageFigure("Punctuality of the loop", _CAPTION, path.read_bytes())
+    shown = PageFigure("Punctuality of the loop", _CAPTION, path.read_bytes())
+    if "svg" not in formats:
+        path.unlink()
+    for suffix in set(formats) - {"svg"}:
+        save(figure, path.with_suffix(f".{suffix}"))
+    return shown
 
 
 def _drive_data(result: DriveResult, link: str) -> dict[str, object]:

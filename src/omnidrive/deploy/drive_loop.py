@@ -122,6 +122,7 @@ class DriveLoop:
             self._begin = self._readings.arrived = self._first_deadline()
             if self.sink is not None:
                 self.sink.begin(self._begin)
+            self.controls.connected = True
             while self.machine.state is not DriveState.STOPPED:
                 number = self._sample_at(number)
         except BaseException as error:
@@ -356,7 +357,7 @@ class DriveLoop:
     def _hold(
         self, number: int, reason: str, *, since: int | None = None, at_once: bool = False
     ) -> None:
-        """Begin to ramp the robot to zero speed, and send the first command.
+        """Send the first command of the ramp to zero speed, and note that the robot is held.
 
         Args:
             number: Number of the sample.
@@ -370,8 +371,10 @@ class DriveLoop:
         if at_once:
             self.gate.sent = STOP
         self.gate.hold()
-        self._change(number, DriveState.HOLDING, reason)
-        self._send(self.gate.ramp(self.dt))
+        try:
+            self._send(self.gate.ramp(self.dt))
+        finally:  # a handler of the log may wait, such as for a terminal
+            self._change(number, DriveState.HOLDING, reason)
 
     def _stop(self, number: int, reason: str, *, finished: bool = False) -> None:
         """Stop the robot for good."""

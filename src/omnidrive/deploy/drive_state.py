@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 REFERENCE_ENDS = "the reference ends"
 """Reason of the stop of a drive that is finished."""
+EVENT = {"is_event": True}
+"""Attribute of log records of what happens at a time: equal ones are no repetitions."""
 _log = logging.getLogger("omnidrive")
 
 
@@ -69,4 +71,4 @@ class StateMachine:
         self.state = state
         self.changes.append(StateChange(t, state, reason))
         level = logging.WARNING if state is DriveState.HOLDING else logging.INFO
-        _log.log(level, "%s at %.3f s: %s", state.value, t, reason)
+        _log.log(level, "%s at %.3f s: %s", state.value, t, reason, extra=EVENT)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
-from math import cbrt, inf, isfinite, log2, nan, sqrt
+from math import cbrt, inf, log2, nan, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import brentq
-from scipy.special import ndtri, stdtr, stdtrit
+from scipy.special import ndtri, stdtrit
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
@@ -40,8 +39,9 @@ class TestedMean(NamedTuple):
 def mean_intervals(columns: Float[Array, "values columns"]) -> list[MeanEstimate]:
     """Return mean and 95 % confidence interval of the independent values of each column.
 
-    The interval is Hall's for skewed values, as in :func:`difference_tests`; fewer than
-    :data:`MIN_VALUES` values have Student's t. NaNs are left out.
+    The interval has Hall's correction of skewness (Hall, "On the removal of skewness by
+    transformation", J. R. Statist. Soc. B 54, 1992); fewer than :data:`MIN_VALUES` values have
+    Student's t. NaNs are left out.
     """
     return [_mean_interval(column[np.isfinite(column)]) for column in columns.T]
 
@@ -49,21 +49,18 @@ def mean_intervals(columns: Float[Array, "values columns"]) -> list[MeanEstimate
 def difference_tests(columns: Float[Array, "values columns"]) -> list[TestedMean]:
     """Return mean, 95 % confidence interval and p-value of the paired differences of each column.
 
-    The p-value is the larger one of two tests, and the interval contains what either does not
-    reject, so that p < 0.05 just where it excludes 0:
+    The test is the sign-flip test of the mean (Fisher, "The Design of Experiments", 1935, section
+    21): each difference has either sign with equal probability if the two compared have equal
+    distributions. It is exact at every number of differences and for every distribution. The
+    differences are rounded to units of 1 / 4,096 of the sum of their absolute values, of which all
+    2^n signs are counted (Pagano & Tritchler, J. Am. Statist. Assoc. 78, 1983).
 
-    * the sign-flip test of the mean (Fisher, "The Design of Experiments", 1935, section 21): each
-      difference has either sign with equal probability if the two compared have equal
-      distributions. It is exact at every number of differences and for every distribution. The
-      differences are rounded to units of 1 / 4,096 of the sum of their absolute values, of which
-      all 2^n signs are counted (Pagano & Tritchler, J. Am. Statist. Assoc. 78, 1983);
-    * the t-test with Hall's correction of skewness (Hall, "On the removal of skewness by
-      transformation", J. R. Statist. Soc. B 54, 1992), for differences of distributions that are
-      not equal but have equal means. Its tails are separate: skewness away from 0 adds to the
-      evidence, skewness towards 0 takes from it.
+    The interval contains the means that the test does not reject, so that p < 0.05 just where it
+    excludes 0. For differences that are not symmetric about their mean both are approximate, as
+    are those of Student's t-test.
 
-    n differences have p >= 2 / 2^n. More than :data:`MAX_FLIPPED` have Student's t-test in place of
-    the sign-flip test. Nothing is drawn at random. NaNs are left out.
+    n differences have p >= 2 / 2^n. More than :data:`MAX_FLIPPED` have Student's t-test instead.
+    Nothing is drawn at random. NaNs are left out.
     """
     return [_tested_difference(column[np.isfinite(column)]) for column in columns.T]
 
@@ -81,7 +78,7 @@ def _mean_interval(values: Float[Array, " values"]) -> MeanEstimate:
     constant = _constant(values)
     if constant is not None:
         return constant.estimate
-    return _Hall(values).interval() if len(values) >= MIN_VALUES else estimate_mean(values)
+    return _hall_interval(values) if len(values) >= MIN_VALUES else estimate_mean(values)
 
 
 def _tested_difference(values: Float[Array, " values"]) -> TestedMean:
@@ -91,17 +88,12 @@ def _tested_difference(values: Float[Array, " values"]) -> TestedMean:
     constant = _constant(values)
     if constant is not None:
         return constant
-    hall, mean = _Hall(values), float(values.mean())
     if count > MAX_FLIPPED:
-        student, corrected = estimate_mean(values), hall.interval()
-        low, high = min(student.low, corrected.low), max(student.high, corrected.high)
-        return TestedMean(MeanEstimate(mean, low, high, count), max(hall.p(), p_value(values)))
-    p = max(hall.p(), sign_flip_p(values))
-    if count < MIN_DIFFERENCES:
-        return TestedMean(MeanEstimate(mean, -inf, inf, count), p)
-    high = _bound(values, hall)
-    low = -_bound(-values, _Hall(-values))
-    return TestedMean(MeanEstimate(mean, low, high, count), p)
+        return TestedMean(estimate_mean(values), p_value(values))
+    low, high = -inf, inf
+    if count >= MIN_DIFFERENCES:
+        low, high = -_upper_bound(-values), _upper_bound(values)
+    return TestedMean(MeanEstimate(float(values.mean()), low, high, count), sign_flip_p(values))
 
 
 def _constant(values: Float[Array, " values"]) -> TestedMean | None:
@@ -115,40 +107,25 @@ def _constant(values: Float[Array, " values"]) -> TestedMean | None:
     return TestedMean(MeanEstimate(mean, mean, mean, len(values)), 1.0 if mean == 0.0 else 0.0)
 
 
-class _Hall:
-    """t-test with Hall's transformation g(w) = w + a w^2 / 3 + a^2 w^3 / 27 + a / (6 n).
+def _hall_interval(values: Float[Array, " values"]) -> MeanEstimate:
+    """Return the means at which Hall's g(w) = w + a w^2 / 3 + a^2 w^3 / 27 + a / (6 n) is small.
 
     w is mean over standard deviation (ddof 0), and a the skewness; sqrt(n) g has nearly Student's
     distribution with n - 1 degrees of freedom.
     """
-
-    def __init__(self, values: Float[Array, " values"]) -> None:
-        self.count, self.mean = len(values), float(values.mean())
-        self.spread = float(values.std())
-        self.skewness = float(np.mean(((values - self.mean) / self.spread) ** 3))
-        self.shift = self.skewness / (6.0 * self.count)
-
-    def p(self) -> float:
-        """Return the two-sided p-value of zero mean."""
-        w, a = self.mean / self.spread, self.skewness
-        g = w + a * w**2 / 3.0 + a**2 * w**3 / 27.0 + self.shift
-        return 2.0 * float(stdtr(self.count - 1, -sqrt(self.count) * abs(g)))
-
-    def interval(self) -> MeanEstimate:
-        """Return the means that are not rejected."""
-        t = _quantile(self.count - 1) / sqrt(self.count)
-        low, high = (self.mean - self.spread * self._inverse(g) for g in (t, -t))
-        return MeanEstimate(self.mean, low, high, self.count)
-
-    def _inverse(self, g: float) -> float:
-        a, y = self.skewness, g - self.shift
-        return 3.0 * (cbrt(1.0 + a * y) - 1.0) / a if abs(a) > 1e-5 else y - a * y**2 / 3.0
+    count, mean, spread = len(values), float(values.mean()), float(values.std())
+    skewness = float(np.mean(((values - mean) / spread) ** 3))
+    quantile = float(stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE)) / sqrt(count)
+    low, high = (
+        mean - spread * _hall_inverse(g - skewness / (6.0 * count), skewness)
+        for g in (quantile, -quantile)
+    )
+    return MeanEstimate(mean, low, high, count)
 
 
-@lru_cache(maxsize=1024)
-def _quantile(degrees: int) -> float:
-    """Return the two-sided quantile of Student's t."""
-    return float(stdtrit(degrees, 0.5 + 0.5 * CONFIDENCE))
+def _hall_inverse(y: float, a: float) -> float:
+    """Return w of y = w + a w^2 / 3 + a^2 w^3 / 27."""
+    return 3.0 * (cbrt(1.0 + a * y) - 1.0) / a if abs(a) > 1e-5 else y - a * y**2 / 3.0
 
 
 def sign_flip_p(values: Float[Array, " values"]) -> float:
@@ -179,24 +156,17 @@ def _share_at_most(units: Int[Array, " values"], limit: int) -> float:
     return total
 
 
-def _bound(values: Float[Array, " values"], hall: _Hall) -> float:
-    """Return the upper bound of the means that one of the tests does not reject."""
+def _upper_bound(values: Float[Array, " values"]) -> float:
+    """Return the upper bound of the means that the sign-flip test does not reject.
+
+    All signs are equal beyond the largest value, which :data:`MIN_DIFFERENCES` are enough to
+    reject, and the p-value of the mean itself is 1.
+    """
     error = float(values.std(ddof=1)) / sqrt(len(values))
-    start = hall.interval().high
     excess = _excess(values)
-    inside, outside = start, nan
-    if start < 0.0 and excess(0.0) >= 0.0:
-        inside = 0.0  # the verdict about 0 is that of the p-value
-    elif excess(start) < 0.0:
-        return start
-    elif start < 0.0:
-        outside = 0.0
-    step = error
-    while not isfinite(outside):
-        if excess(inside + step) < 0.0:
-            outside = inside + step
-        else:
-            inside, step = inside + step, 2.0 * step
+    inside, outside = float(values.mean()), float(values.max()) + error
+    if inside < 0.0 < outside:  # the verdict about 0 is that of the p-value
+        inside, outside = (0.0, outside) if excess(0.0) >= 0.0 else (inside, 0.0)
     root = float(brentq(excess, inside, outside, xtol=_TOLERANCE * error))
     return root if root < outside else 0.5 * (inside + outside)
 

@@ -221,7 +221,7 @@ class _Block(Generic[Item]):
         """Return the blocks to compute after a loss; none: the item has had its attempts."""
         count = len(self.items)
         if count > 1:
-            _log.warning("a worker process was killed; its %d runs are repeated", count)
+            _log.warning("a worker process was killed; its %d items are computed again", count)
             return [_Block(self.items[: count // 2]), _Block(self.items[count // 2 :])]
         if lost is Lost.TIMED_OUT or self.attempts + 1 >= ATTEMPTS:
             return []
@@ -279,6 +279,11 @@ def log_new(records: Sequence[logging.LogRecord], logged: set[tuple[str, str]]) 
 
 _compute: list[Callable[[Any], list[Any]]] = []  # one item in a worker process
 _records: SimpleQueue[logging.LogRecord] = SimpleQueue()  # of the present block
+
+
+def is_worker() -> bool:
+    """Return whether this process computes blocks for another one."""
+    return bool(_compute)
 
 
 def start_worker(compute: Callable[[Any], list[Any]]) -> None:

@@ -12,7 +12,6 @@ from .disturbances.disturbances import (
 )
 from .identification.identify_lag import identify_lag
 from .kinematic import KinematicPlant
-from .log_file import load_run
 from .loop import simulate
 from .moving_obstacle import MovingObstacle
 from .mujoco.plant import MujocoPlant
@@ -27,6 +26,7 @@ from .plant import (
     check_robot,
 )
 from .run import Outcome, Run
+from .saved_run import load_run
 from .sensors import (
     Lidar,
     LidarSettings,

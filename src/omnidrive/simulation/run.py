@@ -163,9 +163,18 @@ class Run:
             MissingExtra: The suffix is .mcap, and the package mcap is not installed.
             CannotWrite: The file cannot be written.
         """
-        from omnidrive.simulation.log_file import save_run  # noqa: PLC0415 - takes a second
+        from omnidrive.simulation.log_file import save_log  # noqa: PLC0415 - takes a second
 
-        save_run(self, to_path(path))
+        path, events = to_path(path), self.events
+        if path.suffix.lower() == ".mcap":  # the outcome is a message
+            events = (*events, Event(float(self.t[-1]), f"end: {self.ending}"))
+        ending = {
+            "outcome": self.outcome.name,
+            "reason": self.reason,
+            "traceback": self.traceback,
+            "events": events,
+        }
+        save_log(self.columns, ending, path)
 
     def _repr_html_(self) -> str:
         """Return drawing and main results for notebooks."""

@@ -17,12 +17,13 @@ from .output_paths import (
 )
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .planned_run import PlannedRun
+from .progress import ProgressListener
 from .queries import solve_queries
 from .run_experiment import run_experiment
 from .run_plan import RunPlan, check_size
 from .run_record import RunRecord
 from .stored_study import StoredStudy, compare_studies, export_study, read_study, report_study
-from .study import ProgressListener, Study, run_study
+from .study import Study, run_study
 from .study_folder import load_study
 from .warm_up import warm_up
 

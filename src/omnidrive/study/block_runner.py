@@ -7,20 +7,22 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar, get_args
 
+from omnidrive import visualization  # imports only the modules in use
 from omnidrive.components.fields import plain
 from omnidrive.errors import OmnidriveError
 from omnidrive.evaluation.recovery import Recovery, recovery
 from omnidrive.evaluation.results import FaultResult
+from omnidrive.execution.engine import is_worker
 from omnidrive.parameter import check_choice
 from omnidrive.scenario.planned_scenario import PlannedScenario, plan_scenario
 from omnidrive.scenario.run_simulation import Result, simulate_run
 from omnidrive.scenario.variant import robot_in
-from omnidrive.simulation import Run
+from omnidrive.simulation import Outcome, Run
 from omnidrive.study.batched_runs import batched_records
 from omnidrive.study.definition import SeriesKept
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_record import RunRecord
-from omnidrive.study.run_recording import record_of, refused_record
+from omnidrive.study.run_recording import lost_record, record_of, refused_record
 
 _KEPT_PLANS, _KEPT_RUNS = 32, 32
 
@@ -30,7 +32,11 @@ _Value = TypeVar("_Value")
 
 
 def run_block(
-    runs: Sequence[PlannedRun], save: Save | None = None, *, series: SeriesKept = "all"
+    runs: Sequence[PlannedRun],
+    save: Save | None = None,
+    *,
+    series: SeriesKept = "all",
+    observers: Sequence[visualization.Observer] = (),
 ) -> list[RunRecord]:
     """Simulate and evaluate runs; return their records in the same order.
 
@@ -42,6 +48,7 @@ def run_block(
         runs: The runs.
         save: Receiver of the logs of runs. None: no logs are kept.
         series: Runs whose logs it receives; `failed`: those that ended early.
+        observers: Observers of every run; with ``series`` all.
 
     Raises:
         InvalidInput: ``series`` is not one of its names.
@@ -54,23 +61,36 @@ def run_block(
     for index, run in enumerate(runs):
         if index in records:
             continue
-        records[index], log = _record(run)
+        records[index], log = _record(run, observers)
         is_kept = kept == "all" or (kept == "failed" and not records[index].finished)
         if save is not None and log is not None and is_kept:
             save(run, log)
     return [records[index] for index in range(len(runs))]
 
 
-def _record(run: PlannedRun) -> tuple[RunRecord, Run | None]:
-    """Return the record and the log of a run; no log of one that cannot be simulated."""
+def _record(
+    run: PlannedRun, observers: Sequence[visualization.Observer]
+) -> tuple[RunRecord, Run | None]:
+    """Return the record and the log of a run; no log of one that cannot be simulated.
+
+    KeyboardInterrupt and the like end the run only in a worker process, where a component raised
+    them: it ignores the signals of the terminal.
+    """
     if run.refused:
         return refused_record(run, run.refused), None
     try:
         planned = _plans.planned(run)
-        result = simulate_run(planned, run.settings)
+        result = simulate_run(planned, run.settings, observers)
         return record_of(run, result, _recovery(planned, result, run)), result.run
     except OmnidriveError as error:
         return refused_record(run, str(error)), None
+    except Exception:
+        raise
+    except BaseException as error:
+        if not is_worker():
+            raise
+        reason = f"by {type(error).__name__} of a component"
+        return lost_record(run, Outcome.KILLED, reason), None
 
 
 def _recovery(planned: PlannedScenario, result: Result, run: PlannedRun) -> Recovery | None:
@@ -113,6 +133,11 @@ class _Plans:
     def __init__(self) -> None:
         self._motions, self._robots = LruCache(_KEPT_PLANS), LruCache(_KEPT_PLANS)
 
+    def put(self, run: PlannedRun, planned: PlannedScenario) -> None:
+        """Keep the planned scenario of a run."""
+        self._motions.put(run.plan_keys.motion, planned)
+        self._robots.put(run.plan_keys.plant_robot, planned.plant_robot)
+
     def planned(self, run: PlannedRun) -> PlannedScenario:
         """Return the planned scenario of a run.
 
@@ -126,3 +151,8 @@ class _Plans:
 
 
 _plans, _undisturbed = _Plans(), LruCache(_KEPT_RUNS)
+
+
+def keep_plan(run: PlannedRun, planned: PlannedScenario) -> None:
+    """Use a planned scenario for a run, and for those with the same map, robot and reference."""
+    _plans.put(run, planned)

@@ -77,6 +77,12 @@ class StudyDefinition:
         """Return the study of the runs of one scenario, in their order."""
         return cls(scenario.name, scenario, series=series)
 
+    @property
+    def is_one_scenario(self) -> bool:
+        """Whether the runs are all those of one scenario, once each."""
+        varied = (*self.axes, *self.random.factors, *self.where, *self.leave_out)
+        return not varied and self.repetitions == 1
+
     @cached_property
     def data(self) -> dict[str, Any]:
         """The base scenario as plain data."""

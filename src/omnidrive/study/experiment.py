@@ -19,7 +19,7 @@ from omnidrive.simulation import Outcome
 from omnidrive.study.leases import Leases
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_record import RunRecord
-from omnidrive.study.run_recording import relabelled
+from omnidrive.study.run_recording import lost_record, relabelled
 from omnidrive.study.store import KeyedPlan, Store
 
 _BEST_BY = "me"  # metric of the best controller so far
@@ -39,6 +39,8 @@ class Progress(NamedTuple):
     """Estimated remaining time, s; infinite: unknown."""
     best: tuple[str, float] | None
     """Controller with the least mean ``me`` of the runs of this call, and that mean, m."""
+    latest: Sequence[RunRecord] = ()
+    """Records of the latest block."""
 
 
 class _Pace:
@@ -82,6 +84,8 @@ class Experiment:
         definition: Hash of the definition without its number of repetitions.
         first: Number of runs from the first one on that are computed at first. None: all.
         prepare: Called with the open store before anything else is done with it.
+        order: Numbers of the runs in the order in which they start, in blocks of one run; for
+            small plans. Empty: in the order of the plan.
     """
 
     plan: KeyedPlan
@@ -90,6 +94,7 @@ class Experiment:
     definition: str
     first: int | None = None
     prepare: Callable[[Store], None] = lambda _: None
+    order: Sequence[int] = ()
     _pace: _Pace = field(default_factory=lambda: _Pace(1), init=False)
     _computed: int = field(default=0, init=False)
     _unfinished: int = field(default=0, init=False)
@@ -132,9 +137,9 @@ class Experiment:
         create_folder(folder := to_path(self.folder))
         work = Work(
             compute=self.compute,
-            lost=self._lost,
+            lost=lambda number, lost: record_of_lost(self.plan[number], lost, time_limit),
             name=lambda number: f"run {number}",
-            largest=1 if time_limit is not None else _MAX_LEASED,
+            largest=1 if time_limit is not None or self.order else _MAX_LEASED,
         )
         here = in_process
         if here is None:
@@ -143,7 +148,7 @@ class Experiment:
         with Store(folder) as store:
             self._begin(store)
             plan = PlanPrefix(self.plan, len(self.plan) if self.first is None else self.first)
-            with Leases(store, plan) as leases:
+            with Leases(store, plan, order=self.order) as leases:
                 source = _UnstoredRuns(store, leases, plan, processes, extend)
                 self._pace, before = _Pace(1 if here else processes), store.count
                 blocks = execute_blocks(
@@ -154,7 +159,7 @@ class Experiment:
                     for records in blocks:
                         source.add(records)
                         self._note(records)
-                        report(self._progress(before + source.added, len(plan)))
+                        report(self._progress(before + source.added, len(plan), records))
 
     def _begin(self, store: Store) -> None:
         """Prepare the store for the plan."""
@@ -172,26 +177,21 @@ class Experiment:
                 mean += (value - mean) / (count + 1)
                 self._means[record.controller] = count + 1, mean
 
-    def _progress(self, done: int, total: int) -> Progress:
+    def _progress(self, done: int, total: int, latest: Sequence[RunRecord]) -> Progress:
         """Return the progress."""
         each = self._pace.update(monotonic(), self._computed)
         means = {name: mean for name, (_, mean) in self._means.items()}
         best = min(means.items(), key=lambda item: item[1]) if len(means) > 1 else None
         left = (total - done) * each if done < total else 0.0
-        return Progress(done, total, self._unfinished, left, best)
-
-    def _lost(self, number: int, lost: Lost) -> RunRecord:
-        """Return the record of a run whose process was lost."""
-        return lost_record(self.plan[number], lost)
+        return Progress(done, total, self._unfinished, left, best, latest)
 
 
-def lost_record(run: PlannedRun, lost: Lost) -> RunRecord:
+def record_of_lost(run: PlannedRun, lost: Lost, time_limit: float | None = None) -> RunRecord:
     """Return the record of a planned run whose process was lost."""
-    outcome = Outcome.KILLED if lost is Lost.KILLED else Outcome.TIMED_OUT
-    empty = RunRecord(
-        run.number, run.key, 0, "", "", 0, {}, outcome.name.lower(), False, {}, {}, lost.value
-    )
-    return relabelled(empty, run)
+    if lost is Lost.TIMED_OUT:
+        return lost_record(run, Outcome.TIMED_OUT, f"{time_limit or 0.0:g} s")
+    reason = "three times; if memory ran out, --jobs 1 needs the least"
+    return lost_record(run, Outcome.KILLED, reason)
 
 
 @dataclass(slots=True)

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import os
 import sqlite3
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from itertools import count
 from pathlib import Path
 from platform import node
 from threading import Event, Thread
-from time import monotonic, sleep
+from time import monotonic
 from typing import NamedTuple
 from uuid import uuid4
 
-from omnidrive.errors import CannotWrite, one_line
 from omnidrive.study.store import KeyedPlan, Store
 
 _RANGE = 2048  # numbers that are looked up at once
@@ -34,7 +34,7 @@ class Leases:
         *,
         interval: float = 5.0,
         patience: float = 30.0,
-        shared: bool = True,
+        order: Sequence[int] = (),
     ) -> None:
         """Prepare the leases.
 
@@ -44,9 +44,11 @@ class Leases:
             interval: Time between two heartbeats, s.
             patience: Time without a heartbeat after which the leases of a process of another
                 computer are free, s.
-            shared: Whether other processes may compute runs of the same study.
+            order: All numbers of a small plan in the order in which they are leased. Empty:
+                increasing.
         """
-        self._store, self._plan, self._shared = store, plan, shared
+        self._store, self._plan = store, plan
+        self._rank = {number: k for k, number in enumerate(order)}
         self._interval, self._patience = interval, patience
         self._id = uuid4().hex
         self._seen: dict[str, tuple[int, float]] = {}  # heartbeat of others, and since when
@@ -59,32 +61,12 @@ class Leases:
         """Start the heartbeat.
 
         Raises:
-            CannotWrite: The store cannot be written, or the leases are not shared and another
-                process computes the study.
+            CannotWrite: The store cannot be written.
         """
-        while not self._registered():
-            sleep(min(0.1 * self._patience, 1.0))  # a process of another computer may have ended
+        with self._store.transaction() as connection:
+            self._beat(connection, 0)
         self._thread.start()
         return self
-
-    def _registered(self) -> bool:
-        """Store the first heartbeat; return False if another process may be at work."""
-        with self._store.transaction() as connection:
-            if not self._shared:
-                before = dict(self._seen)
-                self._release_ended(connection)
-                others = connection.execute("SELECT id, host, pid, beat FROM processes").fetchall()
-                for owner, host, pid, beat in others:
-                    if host == HOST or before.get(owner, (beat, 0.0))[0] != beat:
-                        where = f"process {pid}" + ("" if host == HOST else " of another computer")
-                        raise CannotWrite(
-                            f"{one_line(str(self._store.path.parent))} is in use: {where} computes "
-                            "this study; wait for it, or choose another folder with --out"
-                        )
-                if others:
-                    return False
-            self._beat(connection, 0)
-        return True
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()
@@ -116,7 +98,7 @@ class Leases:
             rows = [(number, key, self._id) for number, key in found]
             connection.executemany("INSERT INTO leases VALUES (?,?,?)", rows)
         if found:
-            self._next = found[-1][0] + 1
+            self._next = self._first if self._rank else found[-1][0] + 1
             return [number for number, _ in found]
         is_done = next(self._store.missing(self._plan, self._first), None) is None
         return None if is_done else []
@@ -137,7 +119,7 @@ class Leases:
                     "SELECT number FROM leases WHERE number >= ? AND number < ?", (low, high)
                 )
             }
-            for number in range(low, high):
+            for number in sorted(range(low, high), key=lambda n: self._rank.get(n, n)):
                 if number in stored or number in leased:
                     continue
                 (key,) = self._plan.keys(number, number + 1)

@@ -11,13 +11,18 @@ from math import ceil, isfinite
 from pathlib import Path
 from typing import Any
 
+from omnidrive import visualization  # imports only the modules in use
 from omnidrive.components.code import CodePermission, allow, allowed_code
 from omnidrive.errors import CannotWrite, one_line
 from omnidrive.evaluation.stop_rule import StopRule
+from omnidrive.execution.engine import must_be_in_process
 from omnidrive.files.output_file import create_folder, remove_abandoned
 from omnidrive.files.str_path import StrPath, to_path
+from omnidrive.scenario.planned_scenario import PlannedScenario
+from omnidrive.scenario.run_settings import run_name
+from omnidrive.scenario.scenario import Scenario
 from omnidrive.simulation import Run
-from omnidrive.study.block_runner import run_block
+from omnidrive.study.block_runner import keep_plan, run_block
 from omnidrive.study.definition import SeriesKept, StudyDefinition
 from omnidrive.study.definition_file import definition_data, load_definition, save_definition
 from omnidrive.study.experiment import Experiment, Progress
@@ -91,7 +96,7 @@ def run_experiment(
         processes,
         report=report,
         time_limit=run_timeout,
-        in_process=True if needs_this_process(definition) else None,
+        in_process=is_sequential(definition.scenario) or None,
         extend=(lambda _: None) if until is None else _Extension(until, plan, note),
         scheduler=scheduler,
     )
@@ -109,13 +114,19 @@ def definition_hash(definition: StudyDefinition, plan: RunPlan) -> str:
     return sha256(text.encode()).hexdigest()
 
 
-def needs_this_process(definition: StudyDefinition) -> bool:
-    """Return whether no other process can compute the runs.
+def is_sequential(scenario: Scenario, observers: Sequence[visualization.Observer] = ()) -> bool:
+    """Return whether the runs must be computed in this process.
 
-    That is so if a plant is exclusive, or if a component was typed into a Python session.
+    That is so if there are observers, if the plant is exclusive, if a component was typed into a
+    Python session, which a worker process cannot import, or if this process is a daemon, such as
+    one of a pool, which may not start processes.
     """
-    scenario = definition.scenario
-    return scenario.plant_capabilities.exclusive or not scenario.is_importable
+    return (
+        scenario.plant_capabilities.exclusive
+        or bool(observers)
+        or must_be_in_process()
+        or not scenario.is_importable
+    )
 
 
 @dataclass(slots=True)
@@ -125,34 +136,47 @@ class NumberedRuns:
     Attributes:
         definition: The study.
         folder: Folder for the time series that the study keeps.
+        planned: The base scenario, planned. None: it is planned in each process.
+        observers: Observers of every run, in this process.
     """
 
     definition: StudyDefinition
     folder: Path
+    planned: PlannedScenario | None = None
+    observers: Sequence[visualization.Observer] = ()
     _plan: RunPlan | None = field(default=None, init=False)
 
-    def __getstate__(self) -> tuple[frozenset[str], StudyDefinition, Path]:
-        return allowed_code(), self.definition, self.folder
+    def __getstate__(self) -> tuple[Any, ...]:
+        return allowed_code(), self.definition, self.folder, self.planned
 
-    def __setstate__(self, state: tuple[frozenset[str], StudyDefinition, Path]) -> None:
-        allowed, self.definition, self.folder = state
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        allowed, self.definition, self.folder, self.planned = state
         allow(allowed)
-        self._plan = None
+        self._plan, self.observers = None, ()
 
     def __call__(self, numbers: Sequence[int]) -> list[RunRecord]:
         """Return the records of runs."""
         if self._plan is None:
             self._plan = RunPlan(self.definition)
+            if self.planned is not None:
+                keep_plan(self._plan[0], self.planned)
         runs = [self._plan[number] for number in numbers]
         series: SeriesKept = self.definition.series
         if series == "none":
             return run_block(runs)
-        return run_block(runs, self._save, series=series)
+        return run_block(runs, self._save, series=series, observers=self.observers)
 
     def _save(self, run: PlannedRun, log: Run) -> None:
-        """Write the time series of a run to ``series/NUMBER.parquet``."""
+        """Write the time series of a run."""
         create_folder(self.folder)
-        log.save(self.folder / f"{run.number:06d}.parquet")
+        log.save(self.folder / series_file(self.definition, run))
+
+
+def series_file(definition: StudyDefinition, run: PlannedRun) -> str:
+    """Return the file name of the time series of a run: its number, or name in one scenario."""
+    if definition.is_one_scenario:
+        return f"{run_name(run.scenario, run.settings)}.parquet"
+    return f"{run.number:06d}.parquet"
 
 
 @dataclass(frozen=True, slots=True)

@@ -335,3 +335,24 @@ def check_size(plan: RunPlan, *, confirmed: bool = False) -> None:
         f"the study has {len(plan):,} runs ({', '.join(factors)}): use fewer values, or confirm "
         "the number with --yes"
     )
+
+
+_COMPILE_TIMES = {
+    "holonomic-nmpc": 16.0, "fuzzy_t1": 9.0, "unicycle-nmpc": 3.0, "fuzzy_t2": 2.0, "fuzzy_t3": 2.0,
+}  # fmt: skip
+"""Approximate time to compile the kernels of a controller after those above it, s."""
+
+
+def starting_order(plan: RunPlan) -> list[int]:
+    """Return the numbers of the runs: one run of each controller first, then the longest ones.
+
+    On an empty cache the first runs compile the kernels of different controllers at the same time,
+    those with the longest compile times first.
+    """
+    types = {name: each.type for name, each in plan.definition.scenario.controllers.items()}
+    runs = {run.number: run.settings for run in plan}
+    longest = sorted(runs, key=lambda number: -runs[number].duration)
+    first = {runs[number].controller: number for number in reversed(longest)}
+    head = sorted(first, key=lambda name: -_COMPILE_TIMES.get(types[name], 0.0))
+    order = [first[name] for name in head] + longest
+    return list(dict.fromkeys(order))

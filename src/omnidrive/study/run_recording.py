@@ -64,6 +64,11 @@ def finished_record(
     return _labelled(run, _FINISHED, metrics, timing, "")
 
 
+def lost_record(run: PlannedRun, outcome: Outcome, reason: str) -> RunRecord:
+    """Return the record of a run whose log is lost."""
+    return _labelled(run, outcome.name.lower(), {}, {}, f"{outcome.value}: {reason}")
+
+
 def refused_record(run: PlannedRun, reason: str) -> RunRecord:
     """Return the record of a run that cannot be simulated, with the outcome ``refused``."""
     return _labelled(run, REFUSED, {}, {}, reason)

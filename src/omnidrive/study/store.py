@@ -187,6 +187,21 @@ class Store:
             write_facts(connection, {**facts, "runs": facts["runs"] + max(new, 0) - max(old, 0)})
             connection.executemany("DELETE FROM leases WHERE number = ?", numbers)
 
+    def forget(self, numbers: Iterable[int]) -> None:
+        """Remove stored runs and their results, so that they are computed again.
+
+        Raises:
+            CannotWrite: They cannot be removed.
+        """
+        rows = [(number,) for number in numbers]
+        with self.transaction() as connection:
+            connection.executemany(
+                "DELETE FROM results WHERE id IN (SELECT result FROM runs WHERE number = ?)", rows
+            )
+            removed = connection.executemany("DELETE FROM runs WHERE number = ?", rows).rowcount
+            facts = self._facts()
+            write_facts(connection, {**facts, "runs": facts["runs"] - max(removed, 0)})
+
     def missing(self, plan: KeyedPlan, start: int = 0) -> Iterator[int]:
         """Yield the numbers of the runs from ``start`` on that are not stored."""
         for low in range(start, len(plan), _RANGE):

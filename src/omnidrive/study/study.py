@@ -3,72 +3,43 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager, nullcontext
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
-from typing import NamedTuple, Protocol, runtime_checkable
+from tempfile import TemporaryDirectory
 
 from omnidrive import visualization  # imports only the modules in use
 from omnidrive.compiled import announce_compiling
 from omnidrive.components import configure
 from omnidrive.control.controller import FALLS_BEHIND
-from omnidrive.errors import InvalidInput, RunFailed
+from omnidrive.errors import InvalidInput, RunFailed, short_repr
 from omnidrive.evaluation import (
-    FaultResult,
-    StepResult,
     StudyResults,
     Table,
-    TrackResult,
     study_tables,
     write_figures,
     write_page,
     write_tables,
 )
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
-from omnidrive.files.str_path import StrPath, to_path
+from omnidrive.files.str_path import StrPath
 from omnidrive.notebook import facts_html, table_html
 from omnidrive.parameter import Bounds, check_number
-from omnidrive.scenario.planned_scenario import PlannedScenario, plan_and_check
-from omnidrive.scenario.run_settings import RunSettings, settings_of_runs
-from omnidrive.scenario.run_simulation import Result
+from omnidrive.scenario.planned_scenario import plan_and_check
 from omnidrive.scenario.scenario import Scenario, paper_scenario
 from omnidrive.simulation import Outcome
 from omnidrive.simulation.run_log import RUN_LOGGER
 from omnidrive.study.folder import RunFolder
-from omnidrive.study.job_execution import execute_jobs, is_sequential
-from omnidrive.study.output_paths import REPORT_FILE, check_new_folder, check_study_folder
-from omnidrive.study.setup_facts import controller_types
-from omnidrive.study.stored_runs import StoredRuns
+from omnidrive.study.output_paths import REPORT_FILE, check_study_folder
+from omnidrive.study.progress import NullProgress, ProgressListener, Stopwatch
+from omnidrive.study.run_experiment import is_sequential
+from omnidrive.study.scenario_execution import ScenarioExecution
 
 _MAX_TABLES = 2  # in notebooks
 
 
-@runtime_checkable
-class ProgressListener(Protocol):
-    """Receiver of progress notifications."""
-
-    def part(self, name: str, steps: int) -> None:
-        """Handle the start of a part with ``steps`` steps (0: unknown number)."""
-        ...
-
-    def done(self, what: str) -> None:
-        """Handle the end of one step of the part; ``what`` names it."""
-        ...
-
-
-class NullProgress:
-    """A :class:`ProgressListener` that does nothing."""
-
-    def part(self, name: str, steps: int) -> None:
-        """Do nothing."""
-
-    def done(self, what: str) -> None:
-        """Do nothing."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, repr=False, slots=True)
 class Study:
     """A finished study.
 
@@ -103,6 +74,10 @@ class Study:
             raise RunFailed(f"stopped early: {'; '.join(facts)}")
         return self
 
+    def __repr__(self) -> str:
+        count = len(self.results.runs) + len(self.results.faults)
+        return f"<Study {self.results.title!r}: {count} runs, folder {str(self.folder)!r}>"
+
     def _repr_html_(self) -> str:
         """Return verdict, failed runs and main tables for notebooks."""
         results, runs = self.results, self.results.runs
@@ -134,7 +109,8 @@ def run_study(
     """Plan a scenario, simulate and evaluate all its runs, and write the report.
 
     The files of a run are written as soon as it is finished. If the study is interrupted, or its
-    process is killed, the same call continues it: finished runs are restored from the folder.
+    process is killed, the same call continues it: finished runs are restored from the folder. Other
+    processes may compute the same study at the same time; they share the runs.
 
     Args:
         scenario: The scenario.
@@ -151,35 +127,28 @@ def run_study(
     Raises:
         InvalidInput: The scenario is not feasible, or the runs cannot have a time limit.
         NoPathFound: There is no path from start to goal.
-        CannotWrite: The folder cannot be written, or another process is computing this study.
+        CannotWrite: The folder holds another study, or cannot be written.
         WorkerLost: Worker processes end while they start; results written before are kept.
     """
-    path = to_path(folder) if folder is not None else None
-    resumable = len(settings_of_runs(scenario)) > 1 and scenario.is_importable and not observers
-    if path and not numbered:
-        (check_study_folder if resumable else check_new_folder)(path)
+    _check_scenario(scenario)
     _check_run_timeout(scenario, observers, run_timeout)
-    clock = _Clock(progress or NullProgress())
-    with clock.part("plan", 0):
-        planned = plan_and_check(scenario)
-    store = RunFolder(path, numbered=numbered) if path else None
-    jobs = settings_of_runs(scenario)
-    with StoredRuns(store, planned, jobs) if store and resumable else nullcontext() as stored:
-        with clock.part("simulate", len(jobs)), _limits_in_the_verdict(scenario):
-            if store:
-                store.save_inputs(planned)
-            if stored:
-                stored.note_inputs()
-            finished = stored.finished() if stored else {}
-            left = [job for job in jobs if job not in finished]
-            runs = execute_jobs(planned, left, processes, observers, run_timeout=run_timeout)
-            with closing(runs):  # which ends the workers
-                _collect_and_save(planned, finished, runs, _Outputs(store, stored, clock))
-        tables = _tables(scenario, results := collect_results(planned, jobs, finished))
-        if store:
+    clock, is_kept = Stopwatch(progress or NullProgress()), folder is not None
+    with ExitStack() as stack:
+        if folder is None:
+            folder = stack.enter_context(TemporaryDirectory(prefix="omnidrive-"))
+        elif not numbered:
+            check_study_folder(folder)
+        with clock.part("plan", 0):
+            planned = plan_and_check(scenario)
+        store = RunFolder(folder, numbered=numbered)
+        execution = ScenarioExecution(planned, store, clock, observers, is_kept=is_kept)
+        with clock.part("simulate", len(execution.plan)), _limits_in_the_verdict(scenario):
+            results = execution.execute(processes, run_timeout)
+        tables = study_tables(results, published=_is_published_study(scenario))
+        if is_kept:
             _report(store, results, tables, clock, figures)
             store.save_results(planned, results, clock.seconds)
-    return Study(results, tables, store.path if store else None, clock.seconds)
+    return Study(results, tables, store.path if is_kept else None, clock.seconds)
 
 
 @contextmanager
@@ -199,9 +168,13 @@ def _limits_in_the_verdict(scenario: Scenario) -> Iterator[None]:
         logger.removeFilter(is_other)
 
 
-def _tables(scenario: Scenario, results: StudyResults) -> list[Table]:
-    """Return the tables of the results."""
-    return study_tables(results, published=_is_published_study(scenario))
+def _check_scenario(scenario: object) -> None:
+    """Raise InvalidInput if a scenario is another object, such as the name of a file."""
+    if not isinstance(scenario, Scenario):
+        raise InvalidInput(
+            f"the scenario is {short_repr(scenario)}, need a Scenario: paper_scenario(), or "
+            "load_scenario(FILE)"
+        )
 
 
 def _check_run_timeout(
@@ -219,58 +192,11 @@ def _check_run_timeout(
         )
 
 
-@dataclass(slots=True)
-class _Clock:
-    """Stopwatch of the parts of a study, which also notifies a listener."""
-
-    progress: ProgressListener
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def part(self, name: str, steps: int) -> Iterator[None]:
-        """Notify the listener of a part and measure the wall time of the block."""
-        self.progress.part(name, steps)
-        began = perf_counter()
-        yield
-        self.seconds[name] = round(perf_counter() - began, 3)
-
-
-class _Outputs(NamedTuple):
-    """Where results are written and progress is shown."""
-
-    folder: RunFolder | None
-    stored: StoredRuns | None
-    """Store of finished runs; None: they are not restored."""
-    clock: _Clock
-
-
-def _collect_and_save(
-    planned: PlannedScenario,
-    finished: dict[RunSettings, Result],
-    executed: Iterable[tuple[RunSettings, Result]],
-    outputs: _Outputs,
-) -> None:
-    """Add the results of runs to ``finished``; write those of each run when it is finished."""
-    folder, stored, clock = outputs
-    jobs = settings_of_runs(planned.scenario)
-    for result in finished.values():
-        clock.progress.done(result.name)
-    for job, result in executed:
-        finished[job] = result
-        if stored:
-            stored.add(job, result)
-        elif folder:
-            folder.save_series(result.name, result.run)
-        if folder:
-            folder.save_results(planned, collect_results(planned, jobs, finished), clock.seconds)
-        clock.progress.done(result.name)
-
-
 def _report(
     store: RunFolder,
     results: StudyResults,
     tables: Sequence[Table],
-    clock: _Clock,
+    clock: Stopwatch,
     figures: Sequence[str],
 ) -> None:
     """Write figures, tables and the page, each as a part of the study."""
@@ -304,33 +230,3 @@ def _is_published_study(scenario: Scenario) -> bool:
         and scenario.robot.name == paper.robot.name
         and scenario.tasks.step in {None, paper.tasks.step}
     )
-
-
-def collect_results(
-    planned: PlannedScenario, jobs: Sequence[RunSettings], finished: dict[RunSettings, Result]
-) -> StudyResults:
-    """Return the results of the finished runs of a scenario, in the order of ``jobs``."""
-    done = [finished[job] for job in jobs if job in finished]
-    scenario = planned.scenario
-    return StudyResults(
-        title=_title(scenario),
-        robot=planned.robot,
-        plant=scenario.plant.type,
-        dt=scenario.sample_time,
-        obstacles=planned.obstacles,
-        free_space=planned.free_space,
-        grid_path=planned.plan.grid_path if planned.plan else None,
-        spline=planned.path,
-        tracks=tuple(r for r in done if isinstance(r, TrackResult)),
-        steps=tuple(r for r in done if isinstance(r, StepResult)),
-        faults=tuple(r for r in done if isinstance(r, FaultResult)),
-        types=controller_types(scenario),
-    )
-
-
-def _title(scenario: Scenario) -> str:
-    """Return the title of a study: its preset, or the controller if there is only one."""
-    facts = [f"preset {scenario.preset}", f"plant {scenario.plant.type}"]
-    if len(scenario.controllers) == 1:
-        facts[:1] = [*scenario.controllers, *(facts[:1] if scenario.preset != "paper" else ())]
-    return f"{scenario.name}: {', '.join(facts)}"

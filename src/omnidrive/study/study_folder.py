@@ -30,6 +30,7 @@ SCENARIO_FILE = "scenario.yaml"
 DESCRIPTIONS = ("name", "question", "repetitions", "series")
 """Keys of a definition that change none of its runs."""
 
+_MAX_WITHIN = 4  # studies in folders of a folder that a message names
 _MAX_BYTES = 10_000_000  # of the file that defines a study
 _FILE_FACT = "file"  # fact about the study: hash of the file that defines it
 _OUTLINE_FACT = "outline"  # fact about the study: JSON of its outline, with the hash of that text
@@ -83,13 +84,24 @@ def load_study(
                 check_unchanged(store, path / SCENARIO_FILE)
         return StudyDefinition.from_scenario(scenario, series="all"), ""
     if not (path / DEFINITION_FILE).is_file():
-        raise InvalidStore(f"there is no study in {one_line(str(path))}: no file {DEFINITION_FILE}")
+        raise InvalidStore(
+            f"there is no study in {one_line(str(path))}: no file {DEFINITION_FILE}{_within(path)}"
+        )
     definition = load_definition(path / DEFINITION_FILE, allow_code=allow_code)
     if not (path / STORE_FILE).is_file():
         return definition, ""
     with Store(path, read_only=True) as store:
         check_unchanged(store, path / DEFINITION_FILE)
         return definition, store.fact("until") or ""
+
+
+def _within(folder: Path) -> str:
+    """Return a hint to studies in the folders of a folder, such as that of a tuning."""
+    found = sorted(each.parent for each in folder.glob(f"*/{DEFINITION_FILE}"))
+    if not found:
+        return ""
+    shown = ", ".join(one_line(str(each)) for each in found[:_MAX_WITHIN])
+    return f"; there are studies in {shown}" + (", ..." if len(found) > _MAX_WITHIN else "")
 
 
 def study_outline(folder: StrPath) -> tuple[StudyOutline, str]:

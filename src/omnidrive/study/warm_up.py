@@ -30,8 +30,8 @@ from omnidrive.scenario.tasks import DurationsTask, Tasks
 from omnidrive.simulation.identification.response import response
 from omnidrive.study.block_runner import run_block
 from omnidrive.study.definition import StudyDefinition
+from omnidrive.study.progress import NullProgress, ProgressListener
 from omnidrive.study.run_plan import RunPlan
-from omnidrive.study.study import NullProgress, ProgressListener
 
 
 def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> None:

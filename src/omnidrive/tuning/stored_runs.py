@@ -18,7 +18,7 @@ from omnidrive.execution.engine import (
 from omnidrive.execution.worker_pool import WorkerPool
 from omnidrive.simulation import Run
 from omnidrive.study import PlannedRun, RunRecord, run_block
-from omnidrive.study.experiment import lost_record
+from omnidrive.study.experiment import record_of_lost
 from omnidrive.study.run_recording import relabelled
 from omnidrive.study.store import Store
 
@@ -35,7 +35,7 @@ def _run_singly(runs: Sequence[PlannedRun]) -> list[RunRecord]:
 def _work(*, timed: bool) -> Work[PlannedRun, RunRecord]:
     return Work(
         compute=_run_singly if timed else run_block,
-        lost=lost_record,
+        lost=record_of_lost,
         name=lambda run: f"run {run.number}",
         largest=1_000,
     )

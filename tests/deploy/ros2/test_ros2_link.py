@@ -149,7 +149,7 @@ def _replay(folder, found):
 
 
 @pytest.mark.long
-def test_a_robot_that_falls_silent_is_held_until_it_is_armed_again(world):
+def test_a_robot_that_falls_silent_is_held_until_it_is_armed_again(world, caplog):
     """Odometry stops for a second; the drive says why, and goes on when another node arms it."""
     robot, follower, user = world
     arm = user.publisher("/drive/arm", "std_msgs/msg/Bool")
@@ -174,6 +174,12 @@ def test_a_robot_that_falls_silent_is_held_until_it_is_armed_again(world):
     assert "more than 0.5 s" in held.reason
     assert states.count(DriveState.RUNNING) >= 2
     assert result.finished
+    noted = [
+        each
+        for each in caplog.records
+        if getattr(each, "is_event", False) and each.levelname == "WARNING"
+    ]
+    assert [each.getMessage()[:5] for each in noted] == ["holdi", "held:"]
 
 
 def test_a_jump_of_the_localisation_holds_the_robot():

@@ -226,7 +226,7 @@ def read_log(path: StrPath) -> LoggedDrive:
 
     Args:
         path: File with the suffix .mcap that ``omnidrive drive`` or :class:`DriveLog` wrote, or a
-            run folder with the file ``log.mcap``.
+            folder with the file ``log.mcap`` or the log of one drive only.
 
     Raises:
         InvalidLog: It cannot be read, is damaged, or is not the log of a drive.
@@ -267,9 +267,19 @@ def _log_file(path: Path) -> Path:
     found = path / RUN_LOG
     if found.is_file():
         return found
-    others = [each.name for each in islice(path.glob("*.mcap"), _MAX_NAMED)]
-    logs = f"; name one of its logs: {', '.join(sorted(others))}" if others else ""
-    raise InvalidLog(one_line(f"the folder {path} has no {RUN_LOG}{logs}"))
+    files = (each for each in path.glob("*.mcap") if not _is_later_part(each))
+    logs = sorted(islice(files, _MAX_NAMED))
+    if len(logs) == 1:
+        return logs[0]
+    names = f"; name one of its logs: {', '.join(each.name for each in logs)}" if logs else ""
+    raise InvalidLog(one_line(f"the folder {path} has no {RUN_LOG}{names}"))
+
+
+def _is_later_part(path: Path) -> bool:
+    """Return whether a file belongs to a rotated log whose first file is beside it."""
+    if _after(path) is None or not int(path.stem[-_DIGITS:]):
+        return False
+    return path.with_name(f"{path.stem[:-_DIGITS]}{0:0{_DIGITS}}{path.suffix}").is_file()
 
 
 class _Part(NamedTuple):

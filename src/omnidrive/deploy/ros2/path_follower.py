@@ -15,6 +15,7 @@ from omnidrive.control import Pipeline
 from omnidrive.deploy.clock import Clock, MonotonicClock
 from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.drive import DriveResult, drive
+from omnidrive.deploy.drive_state import EVENT
 from omnidrive.deploy.links.ros2 import Ros2Link
 from omnidrive.deploy.log.drive_log import LogFolder
 from omnidrive.deploy.realtime import schedule_below_loop
@@ -162,7 +163,7 @@ class PathFollower:
     def refuse(self, reason: str, level: int = ERROR) -> None:
         """Log and publish why a path or goal is not driven."""
         if reason != self._refusal:
-            _log.warning("%s", reason)
+            _log.warning("%s", reason, extra=EVENT)
         self._refusal = reason
         self._report(level, reason)
 
@@ -199,7 +200,7 @@ class PathFollower:
             self.requests.pass_on(controls)
             held = controls.held
             if held is not None and reported is None:
-                _log.warning("%s", self.requests.how_held_ends())
+                _log.warning("%s", self.requests.how_held_ends(), extra=EVENT)
             if held != reported and self.reports is not None:
                 if held is None:
                     self.reports.begin()

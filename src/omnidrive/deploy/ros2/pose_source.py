@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from math import hypot, inf, isfinite, nan, sqrt
 from typing import Any
 
+from omnidrive.deploy.drive_state import EVENT
 from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation
 from omnidrive.errors import one_line
 from omnidrive.estimation import PoseFix
@@ -133,7 +134,7 @@ class PoseSource:
         if time.monotonic() < self._paused_until:
             return None
         if self._warned:
-            _log.warning("poses of the robot are usable again")
+            _log.warning("poses of the robot are usable again", extra=EVENT)
             self._warned = self._reason = ""
         return PoseFix(moving, pose, *self._sigmas)
 
@@ -299,7 +300,7 @@ class PoseSource:
             self.refused[reason] = self.refused.get(reason, 0) + 1
         self._reason = reason
         if kind != self._warned:
-            _log.warning("poses of the robot are refused: %s", reason)
+            _log.warning("poses of the robot are refused: %s", reason, extra=EVENT)
             self._warned = kind
 
 

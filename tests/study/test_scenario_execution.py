@@ -1,0 +1,206 @@
+"""Execution of runs in worker processes: results, lost runs, messages."""
+
+import os
+import signal
+import subprocess
+import sys
+from multiprocessing import current_process, get_context
+from time import sleep
+
+import pytest
+
+from omnidrive.compiled.compilation import reported
+from omnidrive.components import configure
+from omnidrive.scenario.planned_scenario import plan_and_check
+from omnidrive.scenario.run_settings import run_name, settings_of_runs
+from omnidrive.scenario.run_simulation import unfinished
+from omnidrive.scenario.tasks import DurationsTask, FaultsTask, NoiseTask, StepTask, Tasks
+from omnidrive.simulation import Outcome
+from omnidrive.study import StudyDefinition, block_runner, run_study
+from omnidrive.study.block_runner import run_block
+from omnidrive.study.progress import NullProgress
+from omnidrive.study.run_experiment import is_sequential
+from omnidrive.study.run_plan import RunPlan
+from tests.study.processes import workers
+from tests.study.small import small_scenario
+
+TASKS = small_scenario().tasks.model_copy(update={"noise": NoiseTask(durations=(20.0,), repeats=4)})
+SIX = small_scenario(controllers=("feedforward",), tasks=TASKS)
+"""Six short runs of a controller without kernels."""
+
+
+class Acting(NullProgress):
+    """Progress that does something at the end of the first run."""
+
+    def __init__(self, act):
+        self.act, self.finished = act, []
+
+    def done(self, what):
+        self.finished.append(what)
+        if len(self.finished) == 1:
+            self.act()
+
+
+@pytest.fixture
+def other_child():
+    """A child process that is not a worker."""
+    process = get_context("spawn").Process(target=sleep, args=(600,))
+    process.start()
+    yield process
+    process.kill()
+    process.join()
+
+
+def test_interrupted_execution_kills_workers_and_no_other_child(other_child):
+    found = []
+
+    def interrupt():
+        found.extend(workers())
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_study(SIX, processes=2, progress=Acting(interrupt))
+    assert found
+    assert not workers()
+    assert other_child.is_alive()
+
+
+def test_killed_worker_delays_the_study_only(caplog):
+    def kill():
+        workers()[0].kill()
+
+    progress = Acting(kill)
+    results = run_study(SIX, processes=2, progress=progress).results
+    assert len(results.runs) == 6
+    assert {each.name for each in results.runs} <= set(progress.finished)
+    assert all(each.run.outcome is Outcome.FINISHED for each in results.runs)
+    assert sum("was killed" in text for text in caplog.messages) <= 1
+    assert not workers()
+
+
+def test_daemon_processes_execute_runs_themselves(monkeypatch):
+    assert not is_sequential(SIX)
+    monkeypatch.setitem(current_process()._config, "daemon", True)
+    assert is_sequential(SIX)
+
+
+def test_interrupt_that_a_component_raises_ends_its_run(monkeypatch):
+    """In a worker, which ignores the signals of the terminal."""
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    run = RunPlan(StudyDefinition.from_scenario(SIX))[0]
+
+    def save(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(block_runner, "simulate_run", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_block([run], save)
+    monkeypatch.setattr(block_runner, "is_worker", lambda: True)
+    (record,) = run_block([run], save)
+    assert record.outcome == "killed"
+    assert "by KeyboardInterrupt of a component" in record.detail
+
+
+LAWS = """
+import os, signal
+import omnidrive as od
+
+class Law:
+    SIGNAL = None
+
+    def reset(self, state):
+        pass
+
+    def step(self, t, state, reference):
+        if self.SIGNAL:
+            os.kill(os.getpid(), self.SIGNAL)
+        return od.Command(od.BodyTwist(0.0, 0.0, 0.0))
+
+class Killed(Law):
+    SIGNAL = signal.SIGKILL
+
+class Stopped(Law):
+    SIGNAL = signal.SIGSTOP
+"""
+
+
+def steps_of_laws(folder, *names, **options):
+    """Return the runs of step responses of the laws with these names."""
+    (folder / "laws.py").write_text(LAWS, encoding="utf-8")
+    laws = {
+        name: configure("controllers", f"{folder}/laws.py:{name}", allow_code=True)
+        for name in names
+    }
+    step = StepTask(displacement=(0.3, 0.1, 0.2), duration=1.0)
+    scenario = small_scenario(controllers=laws, tasks=Tasks(step=step))
+    study = run_study(scenario, folder / "a", processes=2, figures=(), **options)
+    return [each.run for each in study.results.steps]
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs Unix")
+def test_killed_runs_have_an_outcome_and_the_others_finish(tmp_path):
+    killed, good = steps_of_laws(tmp_path, "Killed", "Law")
+    assert (killed.outcome, good.outcome) == (Outcome.KILLED, Outcome.FINISHED)
+    assert "--jobs 1" in killed.ending
+    assert len(killed.t) == 1
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs Unix")
+def test_stopped_runs_have_an_outcome_and_the_others_finish(tmp_path):
+    stopped, good = steps_of_laws(tmp_path, "Stopped", "Law", run_timeout=60.0)
+    assert (stopped.outcome, good.outcome) == (Outcome.TIMED_OUT, Outcome.FINISHED)
+    assert stopped.ending == "the run exceeded its time limit: 60 s"
+    assert len(stopped.t) == 1
+
+
+@pytest.mark.parametrize("task", ["track", "step", "faults"])
+def test_result_of_a_lost_run_is_that_of_its_task(task):
+    tasks = small_scenario().tasks.model_copy(update={"faults": FaultsTask(duration=20.0)})
+    planned = plan_and_check(small_scenario(tasks=tasks))
+    job = [job for job in settings_of_runs(planned.scenario) if job.task == task][-1]
+    result = unfinished(planned, job, Outcome.KILLED, "twice")
+    assert result.run.ending == "the process of the run was killed: twice"
+    assert result.name == run_name(planned.scenario, job)
+    assert result.run.pose[0].tolist() == list(planned.start)
+
+
+class CompilingProgress(NullProgress):
+    """A listener during whose calls a kernel is compiled."""
+
+    def done(self, what):
+        with reported("kernel"):
+            pass
+
+
+def test_a_study_of_one_run_on_the_kinematic_plant_announces_compilations(caplog):
+    tasks = Tasks(track=DurationsTask(durations=(20.0,)))
+    scenario = small_scenario(controllers=("feedforward",), tasks=tasks)
+    run_study(scenario, progress=CompilingProgress())
+    messages = [record.message for record in caplog.records]
+    assert sum(each.startswith("compiling kernels before") for each in messages) == 1, messages
+
+
+UNGUARDED = """
+from omnidrive.study import run_study
+from tests.study.processes import workers
+from tests.study.small import small_scenario
+study = run_study(small_scenario(controllers=("feedforward",)), processes=2)
+print(len(study.results.runs))
+"""
+
+
+@pytest.mark.long
+def test_script_needs_no_main_guard(tmp_path):
+    """Worker processes do not import the script."""
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED, encoding="utf-8")
+    process = subprocess.run(
+        [sys.executable, script], env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.split()
