@@ -9,11 +9,9 @@ from pydantic import ValidationError
 import omnidrive as od
 from omnidrive.control import FeedforwardGains, HolonomicParameters
 from omnidrive.control.pid import (
-    MemorylessChannel,
     MemorylessParameters,
-    SelfTuningChannel,
+    PidChannel,
     SelfTuningParameters,
-    TrackingChannel,
     TrackingParameters,
     no_tuning,
 )
@@ -29,15 +27,15 @@ CALLS = {
         "heading is 51 1/s, need 0 to 50 1/s",
     ),
     "published PID": (
-        lambda: MemorylessChannel(no_tuning, MemorylessParameters(kp=-1.0)),
+        lambda: PidChannel(no_tuning, 0.1, MemorylessParameters(kp=-1.0)),
         "kp is -1 1/s, need 0 to 50 1/s",
     ),
     "PID of the paper": (
-        lambda: SelfTuningChannel(no_tuning, 0.1, SelfTuningParameters(limit=0.0)),
+        lambda: PidChannel(no_tuning, 0.1, SelfTuningParameters(limit=0.0)),
         "limit is 0 m/s or rad/s, need 0.01 to 20 m/s or rad/s",
     ),
     "recommended PID": (
-        lambda: TrackingChannel(no_tuning, 0.1, TrackingParameters(ki=nan)),
+        lambda: PidChannel(no_tuning, 0.1, TrackingParameters(ki=nan)),
         "ki is nan 1/s^2, need 0 to 50 1/s^2",
     ),
     "NMPC": (

@@ -1,6 +1,7 @@
 """Self-tuning PID: laws, presets and closed-loop behaviour."""
 
 import pickle
+import re
 from dataclasses import replace
 from math import cos, hypot, inf, pi, sin
 
@@ -12,14 +13,16 @@ from hypothesis import strategies as st
 from omnidrive.control import Controller, FeedforwardController, Status
 from omnidrive.control.pid import (
     FuzzyPidController,
+    PidChannel,
     SelfTuningParameters,
-    TrackingChannel,
     TrackingParameters,
     TrackingPidController,
     classical_pid,
     fuzzy_pid,
+    gain_inference,
     no_tuning,
 )
+from omnidrive.control.pid.channel import TuningRecord
 from omnidrive.control.pid.laws import (
     Gains,
     SelfTuningState,
@@ -36,8 +39,10 @@ from omnidrive.control.pid.laws import (
 )
 from omnidrive.control.pid.presets import robot_parameters
 from omnidrive.control.pid.tracking import lead, missing_motion
+from omnidrive.control.pid.tuners import FuzzyTuner
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, State
+from omnidrive.fuzzy import Inference
 from omnidrive.geometry import (
     BodyTwist,
     Pose,
@@ -253,7 +258,7 @@ class Jump(Hold):
 
 
 def tracking_pid(parameters, dt=DT, tune=no_tuning):
-    return TrackingPidController(dt, *(TrackingChannel(tune, dt, parameters) for _ in range(3)))
+    return TrackingPidController(dt, *(PidChannel(tune, dt, parameters) for _ in range(3)))
 
 
 def run_on(controller, reference, start, dt=DT, estimator=None, robot="paper"):
@@ -616,6 +621,80 @@ class TestTrackingLaw:
             WorldTwist(0.0, 0.0, 0.0), (0.0,) * 3, (3.0, 4.0, -9.0), (0.2, 0.1), (2.0, 1.0), DT
         )
         assert led == pytest.approx((0.2 * 2.0 * 0.6, 0.2 * 2.0 * 0.8, -0.1))
+
+
+def nothing_tuned(error, change):
+    return 0.0, 0.0, 0.0
+
+
+class Proportional:
+    """A channel of a user, with memory."""
+
+    parameters = SelfTuningParameters()
+
+    def __init__(self):
+        self.samples = 0
+
+    def reset(self):
+        self.samples = 0
+
+    def step(self, error, magnitude):
+        self.samples += 1
+        return 2.0 * error, TuningRecord(2.0, 0.0, 0.0, float(self.samples), 0.0)
+
+
+def commands(controller):
+    return run_on(controller, Circle(), Pose(0.1, -1.2, 0.1)).command.tobytes()
+
+
+class TestPartsOfTheUser:
+    """Python executes the law that is compiled for tuners of this package."""
+
+    def test_tuner_gives_the_commands_of_the_same_tuner_of_the_package(self):
+        own = tracking_pid(TrackingParameters(kd=0.1), tune=nothing_tuned)
+        assert own.compiled_law() is None
+        assert commands(own) == commands(tracking_pid(TrackingParameters(kd=0.1)))
+
+    @pytest.mark.parametrize("preset", ["paper", "published-code"])
+    def test_tuner_of_a_waypoint_controller(self, preset):
+        ours = classical_pid(preset, DT)
+        channels = (replace(each, tune=nothing_tuned) for each in (ours.position, ours.heading))
+        own = FuzzyPidController(DT, *channels, ours.wraps_heading)
+        assert own.compiled_law() is None
+        assert commands(own) == commands(ours)
+
+    def test_channel_is_called_in_every_sample_and_reset(self):
+        heading = classical_pid("paper", DT).heading
+        controller = FuzzyPidController(DT, Proportional(), heading, wraps_heading=True)
+        assert controller.compiled_law() is None
+        for _ in range(2):
+            twist = first_command(controller, Pose(0.0, 0.0, 0.0), Pose(1.0, -2.0, 0.0))
+            assert twist == (2.0, -4.0, 0.0)
+            assert controller.position.samples == 1
+
+    @pytest.mark.parametrize("tune", [no_tuning, nothing_tuned])
+    def test_copy_keeps_the_memory(self, tune):
+        controller = tracking_pid(TrackingParameters(), tune=tune)
+        start = State(0.0, Pose(0.1, -1.2, 0.1))
+        controller.reset(start)
+        controller.step(0.0, start, Circle())
+        copy = pickle.loads(pickle.dumps(controller))
+        later = State(DT, Pose(0.15, -1.2, 0.1))
+        assert copy.step(DT, later, Circle()) == controller.step(DT, later, Circle())
+
+
+@pytest.mark.parametrize("preset", ["paper", "published-code"])
+def test_input_that_the_fuzzy_system_refuses_is_named(preset):
+    """Of an error of 6 m the first input is 3."""
+    system = gain_inference("t1", preset).system
+    tuner = FuzzyTuner(Inference(system, out_of_range="raise"))
+    usual = fuzzy_pid("t1", preset, DT)
+    channels = (replace(each, tune=tuner) for each in (usual.position, usual.heading))
+    controller = FuzzyPidController(DT, *channels, usual.wraps_heading)
+    assert first_command(controller, Pose(0.0, 0.0, 0.0), Pose(0.1, 0.0, 0.0)).vx > 0.0
+    command = controller.step(0.0, State(0.0, Pose(6.0, 0.0, 0.0)), Hold(Pose(0.0, 0.0, 0.0), 1.0))
+    assert command.status is Status.FAILED
+    assert re.fullmatch(r"the input 'error' is [36], outside its range \[-1, 1\]", command.message)
 
 
 class TestClassical:

@@ -118,7 +118,7 @@ def test_compiled_law_has_the_system_in_the_file(files):
     save(gain_inference("t1", "paper", rules).system, "other.fis")
     context = ControllerContext(od.named_robot("small"), 0.1, np.random.default_rng(1), "paper")
     tuners = [
-        configure("controllers", "fuzzy_t1", values).make(context).compiled_law().data.tune_position
+        configure("controllers", "fuzzy_t1", values).make(context).compiled_law().data.position.tune
         for values in ({"fuzzy": {"file": "other.fis"}}, {"fuzzy": plain(rules)}, {})
     ]
     assert (tuners[0].floats == tuners[1].floats).all()

@@ -2,6 +2,7 @@
 
 import itertools
 import tracemalloc
+from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -24,14 +25,18 @@ from omnidrive.control.nmpc.holonomic import (
 )
 from omnidrive.control.nmpc.holonomic.law import OLD_PLAN_STEPS, RAMP_STEPS
 from omnidrive.control.pid import (
-    TrackingChannel,
+    FuzzyPidController,
+    PidChannel,
     TrackingParameters,
     TrackingPidController,
     classical_pid,
     fuzzy_pid,
+    gain_inference,
 )
+from omnidrive.control.pid.tuners import FuzzyTuner
 from omnidrive.errors import InvalidInput
 from omnidrive.evaluation import measure
+from omnidrive.fuzzy import Inference
 from omnidrive.geometry import Pose
 from omnidrive.reference import Eight, Hold, SampledReference, ShapeReference
 from omnidrive.robot import named_robot
@@ -387,6 +392,24 @@ class Late(FeedforwardController):
         return Retiming(Hold(reference.pose, reference.duration + 0.45), "too fast")
 
 
+def test_input_that_a_fuzzy_system_refuses_fails_the_run_as_in_simulate():
+    """It gives no gains, instead of zero gains."""
+    usual = fuzzy_pid("t1", "paper", 0.1)
+    tuner = FuzzyTuner(Inference(gain_inference("t1", "paper").system, out_of_range="raise"))
+    channels = (replace(each, tune=tuner) for each in (usual.position, usual.heading))
+    controller = FuzzyPidController(0.1, *channels, wraps_heading=True)
+    plant, far, start = (
+        KinematicPlant(robot("paper")),
+        Hold(Pose(9.0, 0.0, 0.0), 1.0),
+        Pose(0.0, 0.0, 0.0),
+    )
+    (batch,) = simulate_batch(plant, controller, [far], dt=0.1, starts=[start], logs=True)
+    run = simulate(plant, controller, far, start=start, dt=0.1)
+    assert "'error' is 4.5, outside its range" in run.reason
+    assert batch.logs[0].outcome is run.outcome is Outcome.CONTROLLER_FAILED
+    assert not differences(run, batch.logs[0])
+
+
 def test_retimed_runs_equal_simulate():
     plant, start = PlanarPlant(robot("paper")), Pose(0.1, -1.1, 0.3)
     options = {"dt": 0.1, "schedule": schedule_of("push")}
@@ -494,7 +517,7 @@ def refused(match, plant=KinematicPlant, controller=recommended_pid, **options):
 
 
 def own_tuner(dt):
-    channels = [TrackingChannel(lambda e, c: (0.0,) * 3, dt, TrackingParameters()) for _ in "xyh"]
+    channels = [PidChannel(lambda e, c: (0.0,) * 3, dt, TrackingParameters()) for _ in "xyh"]
     return TrackingPidController(dt, *channels)
 
 

@@ -21,7 +21,7 @@ from numba.extending import overload
 
 from omnidrive.compiled.compilation import announce_compiling
 from omnidrive.compiled.compiled_function import CompiledFunction
-from omnidrive.compiled.dispatcher import Kernel
+from omnidrive.compiled.dispatcher import NO_WRAPPERS, Kernel
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -34,6 +34,7 @@ __all__ = [
     "CompiledFunction",
     "announce_compiling",
     "compilable",
+    "compilable_as",
     "compiled",
     "compiled_sums",
     "entry_point",
@@ -72,7 +73,7 @@ def inlined(kernel: Callable[P, R]) -> Callable[P, R]:
     return _compiled(kernel, forceinline=True)
 
 
-def compilable(function: Callable[P, R]) -> Callable[P, R]:
+def compilable(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     """Let kernels call a function that Python executes as before; return the function.
 
     For a law that is called once per sample from Python, and from compiled loops: one text, no
@@ -80,8 +81,24 @@ def compilable(function: Callable[P, R]) -> Callable[P, R]:
     ``x * x``. The function refers only to what a kernel may refer to.
     """
     plain = unwrap(function)
-    _overload(function, strict=False, jit_options=_OPTIONS)(lambda *_, **__: plain)
+    _overload(function, strict=False, jit_options={**_OPTIONS, **NO_WRAPPERS, **options})(
+        lambda *_, **__: plain
+    )
     return function
+
+
+def compilable_as(kernel: Callable[P, R]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Let kernels call ``kernel`` where Python calls the decorated function.
+
+    For an argument that is an object in Python, and arrays in a kernel.
+    """
+
+    def decorated(function: Callable[P, R]) -> Callable[P, R]:
+        replaced: Any = function
+        replaced.__wrapped__ = unwrap(kernel)  # what Numba compiles, and the key covers
+        return compilable(function, forceinline=True)
+
+    return decorated
 
 
 def _compiled(kernel: Callable[P, R], **options: Any) -> Callable[P, R]:

@@ -43,7 +43,7 @@ _unliteral: Any = types.unliteral
 
 _UNRESOLVED = codegen.RuntimeLinker.PREFIX  # of a recursive call
 _ENVIRONMENT = "_ZN08NumbaEnv"
-_NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 class Kernel(_Dispatcher):  # type: ignore[misc]
@@ -103,7 +103,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
 
     def _compile_callee(self, sig: Any) -> Any:
         options = self._compiler.targetoptions
-        self._compiler.targetoptions = options | _NO_WRAPPERS
+        self._compiler.targetoptions = options | NO_WRAPPERS
         try:
             return super().compile(sig)
         finally:

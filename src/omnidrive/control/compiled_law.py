@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from math import nan
+from types import SimpleNamespace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -31,6 +32,8 @@ class SampleState(NamedTuple):
     last: int
     """Number of setpoints after the first one that are not later than the end of that motion."""
 
+
+_FLOAT = np.dtype(float).itemsize
 
 UNKNOWN_TWIST = (nan, nan, nan)
 UNKNOWN_VARIANCES = (-1.0, -1.0, -1.0)
@@ -74,8 +77,31 @@ class CompiledLaw(NamedTuple):
     data: Any
     """Parameters: a named tuple of numbers, arrays and named tuples."""
     memory: Any
-    """Example of the memory: an array of floats, or a named tuple of such examples."""
+    """Example of the memory: an array of floats or of one record (an aligned structured type of
+    numbers of eight bytes), or a named tuple of such examples."""
     window: SetpointWindow
+
+
+def in_python(law: CompiledLaw) -> CompiledLaw:
+    """Return a law, whose memory is one record, as Python executes it: for data of any objects.
+
+    The record is then an object with the same attributes, which is faster than NumPy's.
+    """
+    plain = getattr(law.step, "py_func", law.step)
+
+    def step(*arguments: Any) -> int:
+        data, memory, now, setpoints, command, details = arguments
+        code: int = plain(data, memory, now, setpoints.tolist(), command, details)
+        return code
+
+    return law._replace(step=step, memory=(_object_of(law.memory.dtype),))
+
+
+def _object_of(record: np.dtype[Any]) -> Any:
+    """Return an object with the names of a type of records, or a zero of a type of numbers."""
+    if record.names is None:
+        return record.type(0).item()
+    return SimpleNamespace(**{name: _object_of(record[name]) for name in record.names})
 
 
 @runtime_checkable
@@ -87,6 +113,11 @@ class CompilableController(Controller, Protocol):
         ...
 
 
+def floats_of(kind: Any) -> np.dtype[Any]:
+    """Return the type of a record of floats with the names of a named tuple, for a memory."""
+    return np.dtype([(name, "f8") for name in kind._fields], align=True)
+
+
 def leaves(memory: Any) -> Iterator[Array]:
     """Yield the arrays of a memory: an array, or a named tuple of memories."""
     if isinstance(memory, np.ndarray):
@@ -96,12 +127,17 @@ def leaves(memory: Any) -> Iterator[Array]:
             yield from leaves(each)
 
 
+def size_in_floats(memory: Any) -> int:
+    """Return the number of floats that take as many bytes as a memory."""
+    return sum(each.nbytes for each in leaves(memory)) // _FLOAT
+
+
 def views(memory: Any, floats: Float[Array, " floats"]) -> Any:
-    """Return consecutive parts of ``floats`` with the structure and the shapes of a memory."""
+    """Return consecutive parts of ``floats`` with structure, types and shapes of a memory."""
     if isinstance(memory, np.ndarray):
-        return floats[: memory.size].reshape(memory.shape)
+        return floats[: size_in_floats(memory)].view(memory.dtype).reshape(memory.shape)
     parts, begin = [], 0
     for each in memory:
         parts.append(views(each, floats[begin:]))
-        begin += sum(array.size for array in leaves(each))
+        begin += size_in_floats(each)
     return type(memory)(*parts)

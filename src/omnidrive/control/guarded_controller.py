@@ -38,7 +38,11 @@ class GuardedController(ABC):
         if isfinite(sum(command.value)):
             return command
         self.reset(state)
-        return failed_command(f"its law gave {command.value}")
+        return failed_command(self.failure(command))
+
+    def failure(self, command: Command) -> str:
+        """Return why the law gave a command that is not finite."""
+        return f"its law gave {command.value}"
 
     def fall_back(self, reason: str) -> Command:
         """Return the command of a step in which the law cannot compute one; here ``FAILED``."""

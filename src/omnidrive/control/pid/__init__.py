@@ -1,13 +1,6 @@
 """PID controllers with constant gains or gains tuned by a fuzzy system, and that system."""
 
-from omnidrive.control.pid.channel import (
-    MemorylessChannel,
-    SelfTuningChannel,
-    TrackingChannel,
-    Tuner,
-    no_tuning,
-)
-from omnidrive.control.pid.controller import FuzzyPidController, TrackingPidController
+from omnidrive.control.pid.channel import PidChannel
 from omnidrive.control.pid.gain_tuning import gain_tuning_system
 from omnidrive.control.pid.laws import (
     MemorylessParameters,
@@ -15,15 +8,15 @@ from omnidrive.control.pid.laws import (
     TrackingParameters,
 )
 from omnidrive.control.pid.presets import classical_pid, fuzzy_pid
-from omnidrive.control.pid.tuners import fuzzy_tuner, gain_inference
+from omnidrive.control.pid.tracking_controller import TrackingPidController
+from omnidrive.control.pid.tuners import Tuner, fuzzy_tuner, gain_inference, no_tuning
+from omnidrive.control.pid.waypoint_controller import FuzzyPidController
 
 __all__ = [
     "FuzzyPidController",
-    "MemorylessChannel",
     "MemorylessParameters",
-    "SelfTuningChannel",
+    "PidChannel",
     "SelfTuningParameters",
-    "TrackingChannel",
     "TrackingParameters",
     "TrackingPidController",
     "Tuner",

@@ -93,13 +93,13 @@ def tune_gains(
 ) -> Gains:
     """Return non-negative gains K = K0 + dK (Zhao, Tomizuka & Isaka 1993).
 
-    The fuzzy outputs, within +-0.1, are multiplied by ``parameters.tuning``.
+    The fuzzy outputs, within +-0.1, are multiplied by ``parameters.tuning``; nan gives nan.
     """
     dkp, dki, dkd = change
     return Gains(
-        max(0.0, parameters.kp + parameters.tuning * dkp),
-        max(0.0, parameters.ki + parameters.tuning * dki),
-        max(0.0, parameters.kd + parameters.tuning * dkd),
+        max(parameters.kp + parameters.tuning * dkp, 0.0),
+        max(parameters.ki + parameters.tuning * dki, 0.0),
+        max(parameters.kd + parameters.tuning * dkd, 0.0),
     )
 
 
@@ -258,9 +258,9 @@ def tune_bounded_gains(parameters: TrackingParameters, change: GainChange) -> Ga
     """
     dkp, dki, dkd = change
     return Gains(
-        max(0.0, parameters.kp + parameters.kp_deviation / MAX_GAIN_CHANGE * dkp),
-        max(0.0, parameters.ki + parameters.ki_deviation / MAX_GAIN_CHANGE * dki),
-        max(0.0, parameters.kd + parameters.kd_deviation / MAX_GAIN_CHANGE * dkd),
+        max(parameters.kp + parameters.kp_deviation / MAX_GAIN_CHANGE * dkp, 0.0),
+        max(parameters.ki + parameters.ki_deviation / MAX_GAIN_CHANGE * dki, 0.0),
+        max(parameters.kd + parameters.kd_deviation / MAX_GAIN_CHANGE * dkd, 0.0),
     )
 
 

@@ -4,14 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
-from omnidrive.control.pid.channel import (
-    MemorylessChannel,
-    SelfTuningChannel,
-    TrackingChannel,
-    Tuner,
-    no_tuning,
-)
-from omnidrive.control.pid.controller import FuzzyPidController, TrackingPidController
+from omnidrive.control.pid.channel import PidChannel
 from omnidrive.control.pid.laws import (
     MemorylessParameters,
     SelfTuningParameters,
@@ -25,7 +18,9 @@ from omnidrive.control.pid.options import (
     PidOptions,
     system_preset,
 )
-from omnidrive.control.pid.tuners import Kind, fuzzy_tuner
+from omnidrive.control.pid.tracking_controller import TrackingPidController
+from omnidrive.control.pid.tuners import Kind, Tuner, fuzzy_tuner, no_tuning
+from omnidrive.control.pid.waypoint_controller import FuzzyPidController
 from omnidrive.parameter import check_choice, check_sample_time
 from omnidrive.robot import Robot
 
@@ -144,15 +139,15 @@ def _pid(
 
     if preset == "published-code":
         both = given(MemorylessParameters(), MemorylessParameters())
-        first, second = (MemorylessChannel(tune, each) for each in both)
+        first, second = (PidChannel(tune, dt, each) for each in both)
         return FuzzyPidController(dt, first, second, wraps_heading=False)
     if preset == "paper":
         waypoint = given(SelfTuningParameters(), SelfTuningParameters(limit=MAX_YAW_RATE))
-        distance, turn = (SelfTuningChannel(tune, dt, each) for each in waypoint)
+        distance, turn = (PidChannel(tune, dt, each) for each in waypoint)
         return FuzzyPidController(dt, distance, turn, wraps_heading=True)
     position = heading = TrackingParameters()
     if robot is not None:
         position, heading = robot_parameters(robot, forces=forces)
     position, heading = given(position, heading)
-    tracking = (TrackingChannel(tune, dt, each) for each in (position, position, heading))
+    tracking = (PidChannel(tune, dt, each) for each in (position, position, heading))
     return TrackingPidController(dt, *tracking)

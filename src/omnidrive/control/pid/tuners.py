@@ -1,22 +1,29 @@
-"""Fuzzy systems that tune gains: those of the paper's text and of its published code."""
+"""What tunes gains: no system, or the fuzzy systems of the paper's text and its published code."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import isfinite, nan
-from typing import Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
-from jaxtyping import Int
+import numpy as np
+from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.choices import OutOfRange
+from omnidrive.compiled import CompiledFunction, compilable_as, compiled
+from omnidrive.compiled.uncounted import uncounted
 from omnidrive.control.pid.fuzzy_options import FuzzyOptions
 from omnidrive.control.pid.laws import GainChange
 from omnidrive.control.pid.rules import paper_rules, published_rules
 from omnidrive.fuzzy import Footprint, FuzzySystem, Inference, Secondary
+from omnidrive.fuzzy.kernels import infer_rows
 from omnidrive.parameter import check_choice
+
+Tuner = Callable[[float, float], GainChange]
+"""Maps the scaled error and its scaled change to the changes of kp, ki and kd."""
 
 Kind = Literal["t1", "t2", "t3"]
 Preset = Literal["paper", "published-code"]
@@ -97,7 +104,7 @@ def resolved_options(options: FuzzyOptions, preset: Preset) -> FuzzyOptions:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FuzzyTuner:
-    """A :data:`~omnidrive.control.pid.Tuner` that evaluates a fuzzy system.
+    """A :data:`Tuner` that evaluates a fuzzy system.
 
     Attributes:
         inference: The compiled system; its outputs are the changes of kp, ki and kd.
@@ -123,3 +130,92 @@ def fuzzy_tuner(kind: Kind, preset: Preset, options: FuzzyOptions = _PUBLISHED) 
         InvalidInput: The kind or preset is unknown.
     """
     return FuzzyTuner(gain_inference(kind, preset, options))
+
+
+def no_tuning(error: float, change: float) -> GainChange:
+    """Return zero changes, a :data:`Tuner` for constant gains: a classical PID."""
+    return (0.0, 0.0, 0.0)
+
+
+class PackedTuner(NamedTuple):
+    """A :data:`Tuner` of this package in kernels."""
+
+    function: Any
+    """:func:`no_changes` or :func:`inferred_changes` as machine code, so that one kernel serves
+    both, and is compiled without the inference."""
+    floats: Float[Array, " floats"]
+    """Arrays of a fuzzy system, as for :func:`~omnidrive.fuzzy.kernels.infer_rows`."""
+    integers: Int[Array, " integers"]
+    slices: Int[Array, "slices 4"]
+
+
+_NO_SYSTEM = (np.empty(0), np.empty(0, np.int64), np.empty((0, 4), np.int64))
+
+
+def packed_tuner(tune: Tuner) -> PackedTuner | None:
+    """Return a tuner for kernels; None: it is not one of this package, or Numba is disabled."""
+    if not hasattr(inferred_changes, "py_func"):
+        return None
+    if isinstance(tune, FuzzyTuner):
+        return PackedTuner(_machine_code(inferred_changes), *tune.inference.arrays)
+    return PackedTuner(_machine_code(no_changes), *_NO_SYSTEM) if tune is no_tuning else None
+
+
+@cache
+def _machine_code(kernel: Callable[..., GainChange]) -> CompiledFunction:
+    return CompiledFunction(kernel, *_NO_SYSTEM, 0.0, 0.0)
+
+
+@compiled
+def no_changes(
+    floats: Float[Array, " floats"],
+    integers: Int[Array, " integers"],
+    slices: Int[Array, "slices 4"],
+    error: float,
+    change: float,
+) -> GainChange:
+    """Return what :func:`no_tuning` returns."""
+    return 0.0, 0.0, 0.0
+
+
+@compiled
+def inferred_changes(
+    floats: Float[Array, " floats"],
+    integers: Int[Array, " integers"],
+    slices: Int[Array, "slices 4"],
+    error: float,
+    change: float,
+) -> GainChange:
+    """Return what a :class:`FuzzyTuner` returns; nan where it raises an error."""
+    if not (isfinite(error) and isfinite(change)):
+        return nan, nan, nan
+    rows, results = np.empty((1, 2)), np.empty((1, 3, 3))
+    rows[0, 0], rows[0, 1] = error, change
+    status, _ = infer_rows(floats, integers, slices, rows, results)
+    if status != 0:
+        return nan, nan, nan
+    return results[0, 0, 0], results[0, 0, 1], results[0, 0, 2]
+
+
+def _packed_changes(tune: PackedTuner, error: float, change: float) -> GainChange:
+    if len(tune.slices) == 0:  # as no_changes, without the call
+        return 0.0, 0.0, 0.0
+    kp, ki, kd = tune.function(tune.floats, tune.integers, tune.slices, error, change)
+    return kp, ki, kd
+
+
+def _uncounted(channels: Any) -> Any:
+    return uncounted(channels)
+
+
+@compilable_as(_uncounted)
+def borrowed(channels: Any) -> Any:
+    """Return an argument of a kernel, whose arrays need no reference counting; itself in Python."""
+    return channels
+
+
+@compilable_as(_packed_changes)
+def gain_change(tune: Any, error: float, change: float) -> GainChange:
+    """Return the result of a :data:`Tuner`, in kernels that of a :class:`PackedTuner`."""
+    kp, ki, kd = tune(error, change)
+    return kp, ki, kd

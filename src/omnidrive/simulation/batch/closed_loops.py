@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import announce_compiling, entry_point
 from omnidrive.control import Controller
-from omnidrive.control.compiled_law import CompilableController, CompiledLaw, leaves, views
+from omnidrive.control.compiled_law import CompilableController, CompiledLaw, size_in_floats, views
 from omnidrive.control.controller import DetailedController
 from omnidrive.errors import InvalidInput, kind_of
 from omnidrive.geometry import Pose
@@ -183,7 +183,7 @@ class ClosedLoops:
 
     def _arrays(self, runs: int, count: int, starts: Array, uniforms: Array) -> RunArrays:
         details, columns = len(self._units), self.log_columns
-        floats = np.zeros(sum(each.size for each in leaves(self.law.memory)))
+        floats = np.zeros(size_in_floats(self.law.memory))
         return RunArrays(
             starts,
             uniforms,

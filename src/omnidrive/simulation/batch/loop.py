@@ -81,7 +81,7 @@ class RunArrays(NamedTuple):
     """Random numbers of the paper's noise, in the order of drawing; without draws: no noise."""
     carried: Float[Array, "runs carried"]
     floats: Float[Array, " floats"]
-    """Memory of the law, of one run at a time."""
+    """Memory of the law, of one run at a time, as floats of the same bytes."""
     memory: Any
     """The same with the structure that the law needs."""
     details: Float[Array, "runs 2 details"]
