@@ -88,22 +88,21 @@ def _run(table: pa.Table) -> Run:
         count = next(i for i in range(len(columns) + 1) if f"{name}_{i}" not in columns)
         return take(f"{name}_{i}" for i in range(count))
 
-    ending = _checked_ending(table.schema.metadata or {})
     real = {name: take([name])[:, 0] for name in _REAL}
     if not (len(real["t"]) and np.isfinite(real["t"]).all() and (np.diff(real["t"]) > 0.0).all()):
         raise ValueError("its times are not finite and increasing")
     unknown = np.full(table.num_rows, np.nan)
-    return Run(
+    fields: dict[str, Any] = {
         **real,
         **{name: _whole_numbers(columns.pop(name)) for name in _WHOLE},
         **{name: take(prefix + key for key, _ in POSE) for name, prefix in _POSES.items()},
         **{name: take(prefix + key for key, _ in TWIST) for name, prefix in _TWISTS.items()},
         **{name: wheels(prefix) for name, prefix in _WHEELS.items()},
         **{name: take([name])[:, 0] if name in columns else unknown for name in _SIGMAS},
-        **ending,
-        details={name: _numbers(column) for name, column in columns.items()},
-        detail_units={name: units[name] for name in columns},
-    )
+        **_checked_ending(table.schema.metadata or {}),
+    }
+    details = {name: _numbers(column) for name, column in columns.items()}
+    return Run(**fields, details=details, detail_units={name: units[name] for name in details})
 
 
 def _whole_numbers(column: pa.ChunkedArray) -> Int[Array, " rows"]:
