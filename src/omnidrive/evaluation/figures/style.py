@@ -185,9 +185,10 @@ def _arrange(figure: Figure) -> None:
 
     Texts are measured as in vector files, without the hinting of a resolution.
     """
-    layout, dpi = figure.get_layout_engine(), figure.dpi
+    layout, canvas, dpi = figure.get_layout_engine(), figure.canvas, figure.dpi
     if layout is not None:
         FigureCanvasSVG(figure)
         layout.execute(figure)
         figure.set_layout_engine(None)
+        figure.set_canvas(canvas)
         figure.dpi = dpi  # that of SVG is 72
