@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from hashlib import sha256
 from importlib.metadata import version
 from json import dumps, loads
@@ -56,7 +56,7 @@ class KeyMaker:
     def __init__(self) -> None:
         self._texts: dict[str, tuple[Any, str]] = {}
         self._read_text = lru_cache(maxsize=256)(_section_text)
-        self._versions = dumps({name: version(name) for name in VERSIONS})
+        self._versions = _versions()
 
     def scenario_text(self, data: Mapping[str, Any]) -> str:
         """Return the text of what all runs of a scenario have in common."""
@@ -99,6 +99,12 @@ class KeyMaker:
             text = self._read_text(name.partition(".")[0], dumps(value))
             found = self._texts[name] = value, f"{name}: {text}"
         return found[1]
+
+
+@cache
+def _versions() -> str:
+    """Return the versions of the packages that affect results."""
+    return dumps({name: version(name) for name in VERSIONS})
 
 
 def _section_text(head: str, data: str) -> str:
