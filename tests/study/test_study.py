@@ -174,17 +174,15 @@ def test_results_before_an_interruption_are_readable(tmp_path, processes):
 
 
 def test_full_disk_is_reported_and_results_are_kept(tmp_path, monkeypatch):
-    import omnidrive.study.folder as module
+    write, calls = pq.write_table, []
 
-    write, calls = module.pq.write_table, []
-
-    def full(table, path):
-        calls.append(path)
+    def full(table, file, **options):
+        calls.append(file)
         if len(calls) > 2:
             raise OSError(28, "No space left on device")
-        write(table, path)
+        write(table, file, **options)
 
-    monkeypatch.setattr(module.pq, "write_table", full)
+    monkeypatch.setattr(pq, "write_table", full)
     with pytest.raises(CannotWrite, match="No space left on device"):
         run_study(small_scenario(), tmp_path / "run")
     data = json.loads((tmp_path / "run" / "results.json").read_text())
