@@ -92,5 +92,6 @@ lock:  ## update the lock files (needs uv)
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
 	  --custom-compile-command "make lock" benchmarks/peers.in -o benchmarks/peers.lock
 
-clean:  ## remove the environment and the caches
-	rm -rf .venv build dist site .mypy_cache .ruff_cache .pytest_cache .hypothesis
+clean:  ## remove environment, caches and compiled kernels; results in runs/ are kept
+	rm -rf .venv build dist site .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache benchmarks/out
+	find src tests docs benchmarks examples -name __pycache__ -type d -prune -exec rm -rf {} +
