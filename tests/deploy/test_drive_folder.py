@@ -141,7 +141,7 @@ def test_notebooks_show_drive_and_run(result, planned):
     ("keys", "way"),
     [
         (True, "press a and Enter to arm the robot again, Enter to stop it"),
-        (False, "it cannot be armed again; Ctrl-C ends"),
+        (False, "the drive ends, because without a terminal nobody can arm the robot again"),
     ],
 )
 def test_a_hold_is_shown_at_once_with_how_it_ends(keys, way, capsys):
@@ -156,8 +156,10 @@ def test_a_hold_is_shown_at_once_with_how_it_ends(keys, way, capsys):
                 text += capsys.readouterr().out
     drives = "the controller drives the robot"
     assert text.splitlines() == ["press a", drives, f"held: {way}", drives]
+    assert controls.stop_reason == (None if keys else "held without a terminal: no readings")
 
 
+@pytest.mark.long  # in real time
 def test_log_of_a_drive_names_its_components(tmp_path):
     words = ["drive", "--reference", "circle,radius=0.5", "--robot", "small", "--estimator"]
     done = omnidrive(*words, "--duration", "3", "--arm", "--out", "folder", cwd=tmp_path)

@@ -199,9 +199,7 @@ def _keys(controls: DriveControls, *, armed: bool) -> Iterator[None]:
     keys = not armed or os.isatty(0)
     prompt = "press Enter to stop the robot" if armed else _PROMPT
     if not keys:
-        prompt = (
-            "the input is no terminal: a robot that was held cannot be armed again; Ctrl-C ends"
-        )
+        prompt = "the input is no terminal: a hold ends the drive, and so does Ctrl-C"
 
     def listen() -> None:
         """Read lines until one stops the robot."""
@@ -230,8 +228,9 @@ def _shown_states(controls: DriveControls, prompt: str, *, keys: bool) -> Iterat
         keys: Whether keys arm and stop the robot.
     """
     ended, shown = threading.Event(), ""
-    ways = "press a and Enter to arm the robot again, Enter to stop it"
-    held = f"held: {ways if keys else 'it cannot be armed again; Ctrl-C ends'}"
+    held = "held: press a and Enter to arm the robot again, Enter to stop it"
+    if not keys:
+        held = "held: the drive ends, because without a terminal nobody can arm the robot again"
 
     def watch() -> None:
         """Print each change until the context ends; the loop does not wait for the terminal."""
@@ -243,6 +242,8 @@ def _shown_states(controls: DriveControls, prompt: str, *, keys: bool) -> Iterat
                 asked = True
             text = "the controller drives the robot" if controls.tracked is not None else ""
             text = held if controls.held is not None else text
+            if controls.held is not None and not keys:
+                controls.stop(f"held without a terminal: {controls.held}")
             if text and text != shown:
                 show(text)
             shown = text
