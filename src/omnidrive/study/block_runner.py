@@ -9,7 +9,7 @@ from typing import Any, TypeVar, get_args
 
 from omnidrive import visualization  # imports only the modules in use
 from omnidrive.components.fields import plain
-from omnidrive.errors import OmnidriveError
+from omnidrive.errors import OmnidriveError, PlantLost
 from omnidrive.evaluation.recovery import Recovery, recovery
 from omnidrive.evaluation.results import FaultResult
 from omnidrive.execution.engine import is_worker
@@ -73,6 +73,7 @@ def _record(
 ) -> tuple[RunRecord, Run | None]:
     """Return the record and the log of a run; no log of one that cannot be simulated.
 
+    A plant that is lost before a run begins ends the study, which can be continued with it.
     KeyboardInterrupt and the like end the run only in a worker process, where a component raised
     them: it ignores the signals of the terminal.
     """
@@ -82,6 +83,8 @@ def _record(
         planned = _plans.planned(run)
         result = simulate_run(planned, run.settings, observers)
         return record_of(run, result, _recovery(planned, result, run)), result.run
+    except PlantLost:  # the other runs cannot begin either
+        raise
     except OmnidriveError as error:
         return refused_record(run, str(error)), None
     except Exception:
