@@ -141,7 +141,7 @@ def test_notebooks_show_drive_and_run(result, planned):
     ("keys", "way"),
     [
         (True, "press a and Enter to arm the robot again, Enter to stop it"),
-        (False, "the drive ends, because without a terminal nobody can arm the robot again"),
+        (False, "the drive ends, because without a terminal the robot cannot be armed again"),
     ],
 )
 def test_a_hold_is_shown_at_once_with_how_it_ends(keys, way, capsys):

@@ -230,7 +230,7 @@ def _shown_states(controls: DriveControls, prompt: str, *, keys: bool) -> Iterat
     ended, shown = threading.Event(), ""
     held = "held: press a and Enter to arm the robot again, Enter to stop it"
     if not keys:
-        held = "held: the drive ends, because without a terminal nobody can arm the robot again"
+        held = "held: the drive ends, because without a terminal the robot cannot be armed again"
 
     def watch() -> None:
         """Print each change until the context ends; the loop does not wait for the terminal."""

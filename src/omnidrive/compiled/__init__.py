@@ -94,6 +94,7 @@ def compilable_as(kernel: Callable[P, R]) -> Callable[[Callable[P, R]], Callable
     """
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
+        """Return the function, which kernels replace."""
         replaced: Any = function
         replaced.__wrapped__ = unwrap(kernel)  # what Numba compiles, and the key covers
         return compilable(function, forceinline=True)

@@ -90,6 +90,7 @@ def in_python(law: CompiledLaw) -> CompiledLaw:
     plain = getattr(law.step, "py_func", law.step)
 
     def step(*arguments: Any) -> int:
+        """Execute the law in Python, with the arguments of its kernel."""
         data, memory, now, setpoints, command, details = arguments
         code: int = plain(data, memory, now, setpoints.tolist(), command, details)
         return code
