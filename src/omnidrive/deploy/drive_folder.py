@@ -45,10 +45,10 @@ def save_drive(
     Raises:
         CannotWrite: A file cannot be written.
     """
-    (job,) = settings_of_runs(planned.scenario)
-    done = evaluate(planned, job, result.run)
+    (settings,) = settings_of_runs(planned.scenario)
+    done = evaluate(planned, settings, result.run)
     results = replace(
-        collect_results(planned, [job], {job: done}),
+        collect_results(planned, [settings], {settings: done}),
         title=f"{planned.scenario.name}: drive over the link {link}",
         plant=f"robot over the link {link}, in real time",
     )

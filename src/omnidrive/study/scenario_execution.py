@@ -140,10 +140,10 @@ class ScenarioExecution:
 
 
 def collect_results(
-    planned: PlannedScenario, jobs: Sequence[RunSettings], finished: dict[RunSettings, Result]
+    planned: PlannedScenario, order: Sequence[RunSettings], finished: dict[RunSettings, Result]
 ) -> StudyResults:
-    """Return the results of the finished runs of a scenario, in the order of ``jobs``."""
-    done = [finished[job] for job in jobs if job in finished]
+    """Return the results of the finished runs of a scenario, in that order."""
+    done = [finished[run] for run in order if run in finished]
     scenario = planned.scenario
     return StudyResults(
         title=_title(scenario),
