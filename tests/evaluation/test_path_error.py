@@ -101,3 +101,11 @@ def test_governed_reference_has_no_path_error():
     assert figures.me > 0.3
     assert 8.0 < figures.arrival < delayed.duration
     assert run.pose[0] == pytest.approx(Pose(*reference.at(0.0).pose))
+
+
+@pytest.mark.parametrize("wild", [1e300, -1e300, 1e155, nan])
+def test_targets_without_a_spline_have_errors_of_the_samples(wild):
+    target = np.array([(0.1 * k, 0.0, 0.0) for k in range(20)])
+    target[7, 0] = wild
+    found = path_errors(run_of(np.zeros((20, 3)), target))
+    assert found.position[:7] == pytest.approx(np.abs(target[:7, 0]))
