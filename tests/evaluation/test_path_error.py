@@ -109,3 +109,11 @@ def test_targets_without_a_spline_have_errors_of_the_samples(wild):
     target[7, 0] = wild
     found = path_errors(run_of(np.zeros((20, 3)), target))
     assert found.position[:7] == pytest.approx(np.abs(target[:7, 0]))
+
+
+@pytest.mark.parametrize("wild", [1e300, 2.0**53])
+def test_times_without_a_spline_have_errors_of_the_samples(wild):
+    target = np.array([(0.1 * k, 0.0, 0.0) for k in range(20)])
+    run = run_of(np.zeros((20, 3)), target)
+    found = path_errors(replace(run, t=np.append(run.t[:-1], wild)))
+    assert found.position == pytest.approx(target[:, 0])

@@ -17,8 +17,8 @@ _POINTS = 10
 """Points on the path per sample of the log."""
 _AHEAD, _BEHIND = 1.0, 0.5
 """Time, s, along the reference in which the nearest point is searched, from the one before."""
-_FARTHEST = 1e9
-"""Largest coordinate of a target, m or rad, of which the spline is finite."""
+_LARGEST = 1e9
+"""Largest time, s, and coordinate, m or rad, of targets, so that their spline is finite."""
 ARRIVED = 0.05
 """Distance from the end of the reference, m, within which a robot has arrived."""
 
@@ -84,9 +84,10 @@ class _Path(NamedTuple):
 
     @classmethod
     def of(cls, t: Float[Array, " rows"], target: Float[Array, "rows 3"]) -> _Path | None:
-        """Return the path; None if there is only one target, or one beyond :data:`_FARTHEST`."""
+        """Return the path; None if there is only one target, or a value beyond :data:`_LARGEST`."""
         unwrapped = np.column_stack([target[:, :2], np.unwrap(target[:, 2])])
-        if len(t) < 2 or not (np.abs(unwrapped) <= _FARTHEST).all():  # nor if one is NaN
+        largest = max(np.abs(unwrapped).max(), np.abs(t).max())
+        if len(t) < 2 or not largest <= _LARGEST:  # nor if one is NaN
             return None
         curve = CubicSpline(t, unwrapped)
         times = np.linspace(t[0], t[-1], _POINTS * (len(t) - 1) + 1)
