@@ -231,7 +231,7 @@ def test_step_does_not_overshoot_on_a_slippery_floor(friction):
         path.append(pose.x)
     assert max(path) < (1.005 if friction == 1.0 else 1.05)
     assert abs(path[-1] - 1.0) < 1e-3
-    reached = reached_share(controller._memory.motion)
+    reached = reached_share(controller._memory.motion.state[0])
     assert reached > 0.9 if friction == 1.0 else 0.3 <= reached < 0.6
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at, without_disturbance
-from omnidrive.control.nmpc.holonomic.motion_memory import motion_memory, remember
+from omnidrive.control.nmpc.holonomic.motion_memory import known_drive, motion_memory, remember
 from omnidrive.control.nmpc.holonomic.robot_model import RobotModel
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
 from omnidrive.control.nmpc.holonomic.step import Measurement, observe
@@ -27,8 +27,9 @@ def plant(model):
         np.empty((0, 3)),
         SMALL.max_wheel_speed,
         1.0,
-        np.array([1.0, 1.0, 1.0, 0.0, 0.0]),
+        known_drive((1.0, 1.0, 1.0), 0.0, 0.0),
         None,
+        np.array([1.0, 1.0, 1.0, 0.0, 0.0]),
         DriveSettings(),
     )
 
@@ -43,6 +44,7 @@ class Robot:
         self.model, self.lacking, self.sigma = model, np.array(lacking), sigma
         self.pose, self.twist = Pose(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         self.memory, self.rng = motion_memory(3), np.random.default_rng(3)
+        self.state = self.memory.state.view(np.recarray)[0]
         observe(plant(model), self.memory, FIRST, DT, True)
 
     def step(self, command, *, steady=True, moved=0.0, twist=UNKNOWN, outlier=0.0, elapsed=DT):
@@ -72,20 +74,20 @@ def test_disturbance_is_found_and_the_twist_exact(model):
     robot = Robot(model, lacking)
     for k in range(60):
         robot.step(gentle(k))
-    assert np.allclose(robot.memory.disturbance, lacking, atol=2e-3)
-    assert np.allclose(robot.memory.twist, robot.twist, atol=2e-3)
-    assert np.allclose(robot.memory.pose, robot.pose, atol=1e-5)
+    assert np.allclose(robot.state.disturbance, lacking, atol=2e-3)
+    assert np.allclose(robot.state.twist, robot.twist, atol=2e-3)
+    assert np.allclose(robot.state.pose, robot.pose, atol=1e-5)
 
 
 def test_disturbance_is_kept_in_transients_and_while_wheels_slip():
     robot = Robot(MODELS[0], (0.05, 0.0, 0.0))
     for k in range(20):
         robot.step(gentle(k), steady=False)
-    assert not robot.memory.disturbance.any()
+    assert not robot.state.disturbance.any()
     robot.step((2.0, 0.0, 0.0))  # far above the friction limit
-    assert not robot.memory.disturbance.any()
+    assert not robot.state.disturbance.any()
     robot.step(robot.twist)
-    assert robot.memory.disturbance.any()
+    assert robot.state.disturbance.any()
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -95,9 +97,9 @@ def test_twist_of_a_pushed_robot_is_found(model):
         robot.step(gentle(k))
     robot.twist = (robot.twist[0], robot.twist[1] + 0.5, robot.twist[2])
     robot.step(gentle(10), steady=False)
-    assert np.allclose(robot.memory.twist, robot.twist, atol=0.2)
+    assert np.allclose(robot.state.twist, robot.twist, atol=0.2)
     robot.step(gentle(11), steady=False)
-    assert np.allclose(robot.memory.twist, robot.twist, atol=0.05)
+    assert np.allclose(robot.state.twist, robot.twist, atol=0.05)
 
 
 @pytest.mark.parametrize("moved", [0.2, 1.0])
@@ -106,9 +108,9 @@ def test_robot_that_is_moved_keeps_its_twist(moved):
     for k in range(10):
         robot.step(gentle(k))
     robot.step(gentle(10), moved=moved)
-    assert np.allclose(robot.memory.pose, robot.pose, atol=1e-9)
-    assert np.allclose(robot.memory.twist, robot.twist, atol=1e-3)
-    assert np.abs(robot.memory.disturbance).max() < 1e-3
+    assert np.allclose(robot.state.pose, robot.pose, atol=1e-9)
+    assert np.allclose(robot.state.twist, robot.twist, atol=1e-3)
+    assert np.abs(robot.state.disturbance).max() < 1e-3
 
 
 @pytest.mark.parametrize("outlier", [0.5, -30.0, 1e9])
@@ -118,20 +120,20 @@ def test_outlier_of_the_pose_changes_neither_twist_nor_disturbance(outlier):
         robot.step(gentle(k))
     robot.step(gentle(10), outlier=outlier)
     robot.step(gentle(11))
-    assert np.allclose(robot.memory.pose, robot.pose, atol=1e-6)
-    assert np.allclose(robot.memory.twist, robot.twist, atol=1e-3)
-    assert np.abs(robot.memory.disturbance).max() < 1e-3
+    assert np.allclose(robot.state.pose, robot.pose, atol=1e-6)
+    assert np.allclose(robot.state.twist, robot.twist, atol=1e-3)
+    assert np.abs(robot.state.disturbance).max() < 1e-3
 
 
 def test_outliers_within_reach_of_the_robot_raise_the_noise_little():
     robot = Robot(MODELS[0])
     for k in range(20):
         robot.step(gentle(k))
-    robot.memory.covariance[:, 1, 1] = 4.0  # its twist is in doubt
+    robot.state.covariance[:, 1, 1] = 4.0  # its twist is in doubt
     robot.step(gentle(20), outlier=0.1)
-    robot.memory.covariance[:, 1, 1] = 4.0
+    robot.state.covariance[:, 1, 1] = 4.0
     robot.step(gentle(21))
-    assert 0.0 < robot.memory.noise[0] < 0.01**2
+    assert 0.0 < robot.state.noise.position_variance < 0.01**2
 
 
 @pytest.mark.parametrize("outlier", [(3.0, -2.0, 4.0), (1e5, 0.0, 0.0), (0.0, 0.0, -1e5)])
@@ -140,40 +142,40 @@ def test_outlier_of_the_twist_is_ignored(outlier):
     for k in range(10):
         robot.step(gentle(k))
     robot.step(gentle(10), twist=outlier)
-    assert np.allclose(robot.memory.twist, robot.twist, atol=1e-3)
+    assert np.allclose(robot.state.twist, robot.twist, atol=1e-3)
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_impossible_twist_at_the_start_is_ignored(model):
     memory = motion_memory(0)
     observe(plant(model), memory, FIRST._replace(twist=(1e3, 0.0, 0.0)), DT, True)
-    assert not memory.twist.any()
+    assert not memory.state["twist"].any()
 
 
 def test_wrong_twist_is_corrected_by_the_poses():
     robot = Robot(MODELS[0])
     for k in range(10):
         robot.step(gentle(k))
-    robot.memory.twist[:] = 4.0, -3.0, 5.0
+    robot.state.twist[:] = 4.0, -3.0, 5.0
     for k in range(10, 13):
         robot.step(gentle(k))
-    assert np.allclose(robot.memory.twist, robot.twist, atol=0.2)
+    assert np.allclose(robot.state.twist, robot.twist, atol=0.2)
 
 
 def test_wrong_disturbance_with_which_wheels_would_slip_is_corrected():
     robot = Robot(MODELS[0])
-    robot.memory.disturbance[:2] = 0.25, -0.2
+    robot.state.disturbance[:2] = 0.25, -0.2
     for k in range(60):
         robot.step(gentle(k))
-    assert np.abs(robot.memory.disturbance).max() < 0.01
+    assert np.abs(robot.state.disturbance).max() < 0.01
 
 
 def test_wrong_disturbance_is_corrected_while_wheels_slip_for_long():
     robot = Robot(MODELS[0])
-    robot.memory.disturbance[2] = 1.4
+    robot.state.disturbance[2] = 1.4
     for k in range(60):
         robot.step((0.0, 0.0, 2.0 if k % 4 < 2 else -2.0))
-    assert np.abs(robot.memory.disturbance).max() < 0.7
+    assert np.abs(robot.state.disturbance).max() < 0.7
 
 
 @pytest.mark.parametrize("elapsed", [-1.0, 0.0, 0.2 * DT])
@@ -182,8 +184,8 @@ def test_clock_that_was_set_back_costs_nothing(elapsed):
     for k in range(10):
         robot.step(gentle(k))
     robot.step(gentle(10), elapsed=elapsed)
-    assert np.allclose(robot.memory.twist, robot.twist, atol=1e-3)
-    assert np.abs(robot.memory.disturbance).max() < 1e-3
+    assert np.allclose(robot.state.twist, robot.twist, atol=1e-3)
+    assert np.abs(robot.state.disturbance).max() < 1e-3
 
 
 def test_disturbance_is_bounded():
@@ -191,13 +193,13 @@ def test_disturbance_is_bounded():
     for k in range(50):
         robot.step(gentle(k))
     largest = 0.1 * MODELS[0].max_rim_speed * np.sqrt(SMALL.inertia[0] / SMALL.inertia[2])
-    assert robot.memory.disturbance[2] == pytest.approx(largest)
+    assert robot.state.disturbance[2] == pytest.approx(largest)
 
 
 def test_twist_of_the_state_replaces_the_observed_one():
     robot = Robot(MODELS[0])
     robot.step(gentle(0), twist=(0.1, 0.2, 0.3))
-    assert robot.memory.twist.tolist() == [0.1, 0.2, 0.3]
+    assert robot.state.twist.tolist() == [0.1, 0.2, 0.3]
 
 
 @pytest.mark.parametrize(("sigma", "left"), [(0.003, 0.45), (0.03, 0.25)])
@@ -206,11 +208,11 @@ def test_noise_of_the_poses_is_estimated_and_reduced(sigma, left):
     robot = Robot(MODELS[0], sigma=sigma)
     for k in range(400):
         robot.step(gentle(k))
-        estimates.append(np.sqrt(max(robot.memory.noise[0], 0.0)))
-        errors.append(np.subtract(robot.memory.pose[:2], robot.pose[:2]))
+        estimates.append(np.sqrt(max(robot.state.noise.position_variance, 0.0)))
+        errors.append(np.subtract(robot.state.pose[:2], robot.pose[:2]))
     assert np.median(estimates[50:]) == pytest.approx(sigma, rel=0.25)
     assert np.std(errors[50:]) < left * sigma
-    assert abs(robot.memory.disturbance).max() < 0.1
+    assert abs(robot.state.disturbance).max() < 0.1
 
 
 def test_errors_of_the_model_are_no_noise():
@@ -218,7 +220,7 @@ def test_errors_of_the_model_are_no_noise():
     for k in range(100):
         robot.lacking = 0.1 * np.array(gentle(k))  # a wrong gain
         robot.step(gentle(k))
-        assert robot.memory.noise[0] < 1e-6
+        assert robot.state.noise.position_variance < 1e-6
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -227,9 +229,9 @@ def test_wrong_gains_are_found_in_noise(model):
     for k in range(600):
         robot.lacking = np.array([-0.05, -0.05, -0.1]) * gentle(k)
         robot.step(gentle(k))
-        errors.append(robot.memory.pose[2] - robot.pose.yaw)
+        errors.append(robot.state.pose[2] - robot.pose.yaw)
     command = (0.3, 0.2, 0.3)
-    lacking = disturbance_at(model, robot.memory, command)
+    lacking = disturbance_at(model, robot.state, command)
     assert lacking[2] == pytest.approx(-0.1 * command[2], rel=0.5)
     assert np.abs(errors[300:]).mean() < 0.01
 
@@ -240,8 +242,8 @@ def test_command_without_disturbance_has_the_desired_effect(sigma):
     for k in range(60):
         robot.step(gentle(k))
     desired = (0.4, -0.2, 1.0)
-    command = without_disturbance(model, robot.memory, desired)
-    effect = np.add(command, disturbance_at(model, robot.memory, command))
+    command = without_disturbance(model, robot.state, desired)
+    effect = np.add(command, disturbance_at(model, robot.state, command))
     assert np.allclose(effect, desired, atol=1e-12)
     assert not np.allclose(command, desired, atol=1e-6)
 
@@ -250,6 +252,6 @@ def test_covariances_stay_positive_semidefinite():
     robot, rng = Robot(MODELS[0], sigma=0.01), np.random.default_rng(5)
     for k in range(300):
         robot.step(rng.normal(size=3).tolist(), steady=bool(k % 3))
-        for covariance in robot.memory.covariance:
+        for covariance in robot.state.covariance:
             assert np.array_equal(covariance, covariance.T)
             assert np.linalg.eigvalsh(covariance).min() > -1e-12

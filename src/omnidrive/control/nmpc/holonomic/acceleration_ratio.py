@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
-from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory
+from omnidrive.control.nmpc.holonomic.pose_noise import position_variance
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.robot.slip import Vector
 
@@ -28,35 +30,35 @@ _MIN_RESPONSE_RATIO, _DELAY_FORGETTING_TIME = 0.33, 10.0
 _PUNCTUAL, _LATE = 0.35, 0.25
 """As :data:`_PROMPT` and :data:`_DELAYED`, for a response that a delay or a lag explains, but no
 lower friction."""
-_LATE_OBLIVION = 1.0
+_LATE_FORGETTING_TIME = 1.0
 """Time constant in s with which a late response is forgotten."""
 _NOISE_RATIO = 25.0
 """Least square of the displacement by acceleration over the variance of the measured position."""
 
 
 @compiled
-def reached_share(memory: MotionMemory) -> float:
+def reached_share(state: Any) -> float:
     """Return the share of the limits of acceleration that the robot reaches, 0 to 1."""
-    return _ASSUMED + float(memory.reached[0])
+    return _ASSUMED + float(state.response.excess_ratio)
 
 
 @compiled
-def response_ratio(memory: MotionMemory) -> float:
+def response_ratio(state: Any) -> float:
     """Return the factor of speed per distance for a response that may be delayed, up to 1."""
-    return 1.0 - (1.0 - _MIN_RESPONSE_RATIO) * float(memory.reached[1])
+    return 1.0 - (1.0 - _MIN_RESPONSE_RATIO) * float(state.response.delayed)
 
 
 @compiled
-def is_late(memory: MotionMemory) -> bool:
+def is_late(state: Any) -> bool:
     """Return whether the robot has responded later than predicted within the last second or so."""
-    return bool(memory.reached[2] > 0.5)
+    return bool(state.response.late > 0.5)
 
 
 @compiled
 def update_reached(  # noqa: PLR0917
     model: SlipModel,
     faces: Float[Array, "faces 3"],
-    memory: MotionMemory,
+    state: Any,
     pose: Vector,
     twist: Vector,
     measured: Vector,
@@ -72,7 +74,7 @@ def update_reached(  # noqa: PLR0917
     Args:
         model: The model.
         faces: Limits of acceleration, ``|faces @ acceleration| <= 1`` in B.
-        memory: The prediction for the time of the measurement.
+        state: The prediction for the time of the measurement.
         pose: Estimated pose a sample before.
         twist: Estimated body twist a sample before.
         measured: Measured pose.
@@ -82,30 +84,30 @@ def update_reached(  # noqa: PLR0917
     free = (pose[0] + dt * vx, pose[1] + dt * vy, pose[2] + dt * twist[2])  # not accelerated
     missing, expected = 0.0, 0.0
     for a in range(3):
-        change, error = memory.pose[a] - free[a], memory.pose[a] - measured[a]
+        change, error = state.pose[a] - free[a], state.pose[a] - measured[a]
         if a == 2:
             error = wrap_angle(error)
         missing += model.inertia[a] * change * error
         expected += model.inertia[a] * change * change
-    if expected <= _NOISE_RATIO * model.inertia[0] * max(memory.noise[0], 0.0):
+    if expected <= _NOISE_RATIO * model.inertia[0] * position_variance(state):
         return
     load = 0.0
     for j in range(len(faces)):
         change = 0.0
         for a in range(3):
-            change += faces[j, a] * (memory.twist[a] - twist[a])
+            change += faces[j, a] * (state.twist[a] - twist[a])
         load = max(load, abs(change) / dt)
-    share = 1.0 - missing / expected
-    memory.reached[1] *= 1.0 - dt / _DELAY_FORGETTING_TIME
-    memory.reached[2] *= max(1.0 - dt / _LATE_OBLIVION, 0.0)
+    share, response = 1.0 - missing / expected, state.response
+    response.delayed *= 1.0 - dt / _DELAY_FORGETTING_TIME
+    response.late *= max(1.0 - dt / _LATE_FORGETTING_TIME, 0.0)
     if load > _MIN_LOAD:
         delayed = min(max((_PROMPT - share) / (_PROMPT - _DELAYED), 0.0), 1.0)
-        memory.reached[1] = max(memory.reached[1], delayed)
+        response.delayed = max(response.delayed, delayed)
         late = min(max((_PUNCTUAL - share) / (_PUNCTUAL - _LATE), 0.0), 1.0)
-        memory.reached[2] = max(memory.reached[2], late)
+        response.late = max(response.late, late)
     reached = min(max(share, 0.0), 1.0) * min(load, 1.0)
-    change = max(reached, _MIN) - reached_share(memory)
+    change = max(reached, _MIN) - reached_share(state)
     if load > _MIN_LOAD and (change > 0.0 or share < _DEFICIT):
-        memory.reached[0] += dt / (dt + (_RISE if change > 0.0 else _REACTION)) * change
+        response.excess_ratio += dt / (dt + (_RISE if change > 0.0 else _REACTION)) * change
     else:
-        memory.reached[0] *= 1.0 - dt / _FORGETTING_TIME
+        response.excess_ratio *= 1.0 - dt / _FORGETTING_TIME

@@ -31,8 +31,6 @@ from omnidrive.control.nmpc.holonomic.keep_out_zone import (
     stack_keep_outs,
 )
 from omnidrive.control.nmpc.holonomic.law import (
-    PLANNED,
-    STARTED,
     CalledLaw,
     LawData,
     LawMemory,
@@ -44,8 +42,8 @@ from omnidrive.control.nmpc.holonomic.law import (
     stage_problem,
 )
 from omnidrive.control.nmpc.holonomic.motion_memory import (
-    DELAY,
     ObservedMotion,
+    known_drive,
     observed_motion,
 )
 from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
@@ -155,8 +153,9 @@ class HolonomicController(GuardedController):
             np.empty((0, 3)) if faces is None else np.ascontiguousarray(faces, dtype=float),
             float(self.chassis.max_wheel_speed),
             actuation.reserve,
-            np.array([*actuation.drive_gain, actuation.motor_lag, actuation.delay]),
+            known_drive(actuation.drive_gain, actuation.motor_lag, actuation.delay),
             self._identify(model),
+            np.array([*actuation.drive_gain, actuation.motor_lag, actuation.delay]),
             self.adaptation or DriveSettings(),
         )
         self._data = LawData(
@@ -183,8 +182,8 @@ class HolonomicController(GuardedController):
         check_start(settings, known)
         zero = (0.0, 0.0, 0.0)
         sample = DriveSample(zero, 0.0, zero, zero, zero, False)
-        drive, values = motion.drive, motion.identified
-        return CompiledFunction(identify, START, robot, settings, drive, values, sample, drive)
+        applied, values = motion.applied, motion.identified
+        return CompiledFunction(identify, START, robot, settings, applied, values, sample, applied)
 
     def _new_window(self) -> ReferenceWindow:
         """Return a window that also covers the longest delay that can be identified."""
@@ -217,25 +216,18 @@ class HolonomicController(GuardedController):
     @property
     def solution(self) -> HolonomicSolution | None:
         """The latest plan; None if there is none since ``reset``."""
-        if self._memory.last[PLANNED] == 0.0 or self._solution is not None:
+        if not self._memory.last["plan_steps"][0] or self._solution is not None:
             return self._solution
         velocities, states, multipliers, figures = (each.copy() for each in self._memory.plan)
-        cost, residual, violation, iterations, code = figures.tolist()
+        cost, residual, violation, iterations, code = figures[0].tolist()
         return HolonomicSolution(
-            velocities,
-            states,
-            multipliers,
-            cost,
-            residual,
-            violation,
-            int(iterations),
-            EXITS[int(code)],
+            velocities, states, multipliers, cost, residual, violation, iterations, EXITS[code]
         )
 
     @property
     def drive(self) -> DriveEstimate:
         """Identified gains, lag and delay of the drive at the last step."""
-        if self.adaptation is None or self._memory.last[STARTED] == 0.0:
+        if self.adaptation is None or not self._memory.last["started"][0]:
             return self.actuation.drive
         return drive_estimate(self._memory.motion.identified)
 
@@ -318,7 +310,9 @@ class HolonomicController(GuardedController):
 
         ``begin`` (s) is the time at which a command takes effect after the known delay.
         """
-        later = max(float(self._memory.motion.drive[DELAY]) - self.actuation.delay, 0.0)
+        later = max(
+            float(self._memory.motion.state["drive"]["delay"][0]) - self.actuation.delay, 0.0
+        )
         points = self.horizon + 1
         zones = self.keep_outs(begin + later, points, self.dt)
         if zones or len(self._data.keep_outs.radii):
@@ -384,11 +378,6 @@ class HolonomicController(GuardedController):
             self._solution, plan = solution, memory.plan
             plan.velocities[:], plan.states[:] = solution.velocities, solution.states
             code = CONVERGED if solution.exit is Exit.CONVERGED else CAPPED
-            plan.figures[:] = (
-                solution.cost,
-                solution.residual,
-                solution.violation,
-                solution.iterations,
-                code,
-            )
+            figures = solution.cost, solution.residual, solution.violation, solution.iterations
+            plan.figures[0] = (*figures, code)
         return finish(data, memory, solved, now.delay, *self._outputs)

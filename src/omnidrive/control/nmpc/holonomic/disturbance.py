@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory, axis_unit
+from omnidrive.control.nmpc.holonomic.motion_memory import axis_unit
 from omnidrive.control.nmpc.holonomic.pose_noise import noisy_share
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.robot.slip import Vector
@@ -15,40 +17,40 @@ _MIN_GAIN = 0.5
 
 
 @compiled
-def disturbance_at(model: SlipModel, memory: MotionMemory, command: Vector) -> Vector:
+def disturbance_at(model: SlipModel, state: Any, command: Vector) -> Vector:
     """Return the estimated disturbance with a commanded twist; m/s, m/s, rad/s."""
-    disturbance = memory.disturbance
+    disturbance = state.disturbance
     return (
-        disturbance_scale(model, memory, command[0], 0) * disturbance[0],
-        disturbance_scale(model, memory, command[1], 1) * disturbance[1],
-        disturbance_scale(model, memory, command[2], 2) * disturbance[2],
+        disturbance_scale(model, state, command[0], 0) * disturbance[0],
+        disturbance_scale(model, state, command[1], 1) * disturbance[1],
+        disturbance_scale(model, state, command[2], 2) * disturbance[2],
     )
 
 
 @compiled
-def without_disturbance(model: SlipModel, memory: MotionMemory, twist: Vector) -> Vector:
+def without_disturbance(model: SlipModel, state: Any, twist: Vector) -> Vector:
     """Return the commanded twist that has the effect of a twist in spite of the disturbance."""
     return (
-        _without(model, memory, twist[0], 0),
-        _without(model, memory, twist[1], 1),
-        _without(model, memory, twist[2], 2),
+        _without(model, state, twist[0], 0),
+        _without(model, state, twist[1], 1),
+        _without(model, state, twist[2], 2),
     )
 
 
 @compiled
-def _without(model: SlipModel, memory: MotionMemory, component: float, axis: int) -> float:
+def _without(model: SlipModel, state: Any, component: float, axis: int) -> float:
     """Return the component of :func:`without_disturbance` in an axis."""
-    share, disturbance = noisy_share(model, memory, axis), memory.disturbance[axis]
+    share, disturbance = noisy_share(model, state, axis), state.disturbance[axis]
     gain = 1.0 + share * disturbance / (_USUAL_SPEED * axis_unit(model, axis))
     return float((component - (1.0 - share) * disturbance) / max(gain, _MIN_GAIN))
 
 
 @compiled
-def disturbance_scale(model: SlipModel, memory: MotionMemory, command: float, axis: int) -> float:
+def disturbance_scale(model: SlipModel, state: Any, command: float, axis: int) -> float:
     """Return the disturbance of an axis at a commanded component, as a multiple of its state.
 
     Where poses are noisy the disturbance is an error of gain, in proportion to the command. A
     constant one would follow slow errors of the measured poses.
     """
-    share = noisy_share(model, memory, axis)
+    share = noisy_share(model, state, axis)
     return 1.0 - share + share * command / (_USUAL_SPEED * axis_unit(model, axis))

@@ -16,10 +16,12 @@ from omnidrive.control.compiled_law import SampleState
 from omnidrive.control.nmpc.common.exit import CONVERGED
 from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at
 from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory, motion_memory, remember
+from omnidrive.control.nmpc.holonomic.pose_noise import position_variance
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, KeepOutArrays, Limits
 from omnidrive.control.nmpc.holonomic.robot_model import RobotModel
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolverSettings
 from omnidrive.control.nmpc.holonomic.step import (
+    FIGURES,
     Measurement,
     Plan,
     command_stage,
@@ -33,7 +35,6 @@ OLD_PLAN_STEPS, RAMP_STEPS = 3, 5
 the steps after them in which the speed decreases; then the robot is stopped."""
 
 _OK, _FALLBACK, _FAILED = 0, 1, 2  # the values of Status
-STARTED, _TIME, _POSE, _APPROACHES, PLANNED = 0, 1, 2, 5, 6  # indices of LawMemory.last
 
 
 class FallbackLevel(IntEnum):
@@ -70,8 +71,19 @@ class LawData(NamedTuple):
     settings: HolonomicSolverSettings
 
 
+STEP = np.dtype([
+    ("started", "i8"),
+    ("t", "f8"),
+    ("pose", "f8", 3),
+    ("approaches", "i8"),
+    ("plan_steps", "i8"),
+], align=True)  # fmt: skip
+"""Whether there was a step; its time (s) and pose (m, m, rad); whether its plan approaches a
+standing target; and the number of steps along the latest plan, 0 without a plan."""
+
+
 class LawMemory(NamedTuple):
-    """What the law keeps from one sample to the next, all zero at the start; arrays of floats."""
+    """What the law keeps from one sample to the next, all zero at the start."""
 
     motion: MotionMemory
     plan: Plan
@@ -80,9 +92,8 @@ class LawMemory(NamedTuple):
     previous: Float[Array, " 3"]
     targets: Float[Array, "points 3"]
     feedforward: Float[Array, "stages 3"]
-    last: Float[Array, " 7"]
-    """Whether there was a step; its time (s) and pose (m, m, rad); whether its plan approached a
-    standing target; and its number of steps since the latest plan plus one, 0 without a plan."""
+    last: Any
+    """The last step, a record of :data:`STEP`."""
 
 
 def law_memory(stages: int, rows: int, commands: int, identified: int = 0) -> LawMemory:
@@ -91,8 +102,8 @@ def law_memory(stages: int, rows: int, commands: int, identified: int = 0) -> La
     ``commands`` is the number of commands to remember, ``identified`` that of the values of the
     identification of the drive.
     """
-    points = stages + 1
-    plan = Plan(np.zeros((stages, 3)), np.zeros((points, 3)), np.zeros((stages, rows)), np.zeros(5))
+    points, figures = stages + 1, np.zeros(1, FIGURES)
+    plan = Plan(np.zeros((stages, 3)), np.zeros((points, 3)), np.zeros((stages, rows)), figures)
     return LawMemory(
         motion_memory(commands, identified),
         plan,
@@ -100,14 +111,14 @@ def law_memory(stages: int, rows: int, commands: int, identified: int = 0) -> La
         np.zeros(3),
         np.zeros((points, 3)),
         np.zeros((stages, 3)),
-        np.zeros(7),
+        np.zeros(1, STEP),
     )
 
 
 @compilable
 def stage_problem(data: LawData, memory: LawMemory) -> HolonomicProblem:
     """Return the problem that :func:`begin` has filled in."""
-    approaches = memory.last[_APPROACHES] > 0.0
+    approaches = memory.last[0]["approaches"]  # in Python, a record has no attributes
     return _problem(data, memory, data.approach_limits if approaches else data.limits)
 
 
@@ -153,25 +164,25 @@ def begin(
     data: LawData, memory: LawMemory, now: SampleState, setpoints: Float[Array, "points 6"]
 ) -> bool:
     """Observe the motion and fill in the problem; return whether there is one to solve."""
-    last, dt, x, y, yaw = memory.last, data.dt, now.pose[0], now.pose[1], now.pose[2]
+    last, dt, x, y, yaw = memory.last[0], data.dt, now.pose[0], now.pose[1], now.pose[2]
     lost = not isfinite(now.t + x + y + yaw)
-    if lost and last[STARTED] == 0.0:
+    if lost and not last.started:
         return False
-    elapsed = now.t - last[_TIME] if last[STARTED] > 0.0 else nan
-    moved = x != last[_POSE] or y != last[_POSE + 1] or yaw != last[_POSE + 2]
-    fresh = now.fix_age <= 0.0 or last[STARTED] == 0.0 or moved
+    elapsed = now.t - last.t if last.started else nan
+    moved = x != last.pose[0] or y != last.pose[1] or yaw != last.pose[2]
+    fresh = now.fix_age <= 0.0 or not last.started or moved
     if lost:
         elapsed, fresh = dt, False
     measured = Measurement(elapsed, now.pose, now.twist, now.variances, fresh)
-    observe(data.robot, memory.motion, measured, dt, last[_APPROACHES] == 0.0)
+    observe(data.robot, memory.motion, measured, dt, not last.approaches)
     if lost:
-        last[_TIME] += dt
+        last.t += dt
         return False
-    last[STARTED], last[_TIME] = 1.0, now.t
-    last[_POSE], last[_POSE + 1], last[_POSE + 2] = x, y, yaw
+    last.started, last.t = 1, now.t
+    last.pose[0], last.pose[1], last.pose[2] = x, y, yaw
     problem = _problem(data, memory, data.limits)
     approaches = fill_problem(data.robot, memory.motion, problem, setpoints, 0, now.last)
-    last[_APPROACHES] = 1.0 if approaches else 0.0
+    last.approaches = 1 if approaches else 0
     return True
 
 
@@ -194,19 +205,19 @@ def finish(  # noqa: PLR0917
         command: Output; body twist.
         details: Output, as ``HolonomicController.detail_units``.
     """
-    motion, figures, last = memory.motion, memory.plan.figures, memory.last
+    motion, figures, last = memory.motion, memory.plan.figures[0], memory.last[0]
     if solved:
-        last[PLANNED] = 1.0
-    elif last[PLANNED] > 0.0:
-        last[PLANNED] += 1.0
-    age, max_age = int(last[PLANNED]) - 1, OLD_PLAN_STEPS + RAMP_STEPS
+        last.plan_steps = 1
+    elif last.plan_steps > 0:
+        last.plan_steps += 1
+    age, max_age = last.plan_steps - 1, OLD_PLAN_STEPS + RAMP_STEPS
     twist, level, status = (0.0, 0.0, 0.0), _STOP, _FAILED
     if 0 <= age <= max_age and age < len(memory.plan.velocities):
         factor = min(1.0, (max_age - age + 1) / (RAMP_STEPS + 1))
-        approaches = last[_APPROACHES] > 0.0
+        approaches = last.approaches > 0
         twist = command_stage(data.robot, motion, memory.plan, age, factor, data.dt, approaches)
         level, status = (_OLD_PLAN if factor == 1.0 else _RAMP), _FALLBACK
-        if solved and figures[4] == CONVERGED:
+        if solved and figures.exit == CONVERGED:
             level, status = _OPTIMAL, _OK
         elif solved:
             level = _FEASIBLE
@@ -214,11 +225,11 @@ def finish(  # noqa: PLR0917
         remember(motion, twist)
     details[0], details[1], details[2] = level, 0.0, nan
     if solved:
-        details[1], details[2] = figures[3], figures[1]
-    disturbance = disturbance_at(data.robot.model, motion, twist)
+        details[1], details[2] = figures.iterations, figures.residual
+    disturbance = disturbance_at(data.robot.model, motion.state[0], twist)
     for a in range(3):
         command[a], details[3 + a] = twist[a], disturbance[a]
-    details[6], details[7] = sqrt(max(motion.noise[0], 0.0)), delay
+    details[6], details[7] = sqrt(position_variance(motion.state[0])), delay
     for k in range(8, len(details)):
         details[k] = motion.identified[k - 8]
     return status

@@ -70,13 +70,13 @@ def minimum_time_targets(  # noqa: PLR0917
     for i in range(_CELLS + 1):
         rate = _RATE * min(reached, prompt) * (1.0 - i / _CELLS)
         squared[i] = min(squared[i], rate * rate)
-    least = inf
+    min_acceleration = inf
     for i in range(_CELLS - 1, -1, -1):
-        least = min(least, accelerations[i])
+        min_acceleration = min(min_acceleration, accelerations[i])
         reachable = squared[i + 1] + 2.0 * braking * accelerations[i] / _CELLS
         squared[i] = min(squared[i], reachable)
     speed = _speed(start[2], twist, error, weights)
-    if speed > 0.0 and 0.5 * speed * speed > reserve * least:
+    if speed > 0.0 and 0.5 * speed * speed > reserve * min_acceleration:
         _brake(speed, error, target, dt, lead, targets)
         return
     _fill(speed, accelerations, squared, error, target, dt, lead, reserve, targets)

@@ -3,19 +3,70 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled
+from omnidrive.compiled import compiled, inlined
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot.slip import Vector
 
-LAG, DELAY, LEAD, YAW_LAG, YAW_LEAD = 3, 4, 5, 6, 7
-"""Indices of :attr:`MotionMemory.drive`; before them are the gains of x, y and yaw."""
+DRIVE = np.dtype([
+    ("gains", "f8", 3),
+    ("lag", "f8"),
+    ("delay", "f8"),
+    ("lead", "f8"),
+    ("yaw_lag", "f8"),
+    ("yaw_lead", "f8"),
+], align=True)  # fmt: skip
+"""Gains along x, y and yaw, lag of the motors in x and y (s), delay of the commands (s), the part
+of the lag that commands compensate (s); and the lag and this part in yaw."""
+
+NOISE = np.dtype([
+    ("position_variance", "f8"),
+    ("yaw_variance", "f8"),
+    ("difference", "f8", 3),
+    ("residual", "f8", 3),
+    ("measurements", "i8"),
+], align=True)  # fmt: skip
+"""Estimated variance of measured positions (m^2) and yaws (rad^2); of every axis the last
+difference of a measured displacement from the predicted one, and the last residual; and the number
+of measurements. See :func:`~.pose_noise.estimate_noise` and :func:`~.motion_observer.correct`."""
+
+RESPONSE = np.dtype([("excess_ratio", "f8"), ("delayed", "f8"), ("late", "f8")], align=True)
+"""Share of the planned acceleration that the robot reaches, minus the assumed one; how much its
+response is delayed, and has lately been late, 0 to 1; see
+:func:`~.acceleration_ratio.reached_share`, :func:`~.acceleration_ratio.response_ratio` and
+:func:`~.acceleration_ratio.is_late`."""
+
+MOTION = np.dtype([
+    ("pose", "f8", 3),
+    ("twist", "f8", 3),
+    ("disturbance", "f8", 3),
+    ("covariance", "f8", (3, 3, 3)),
+    ("motors", "f8", 3),
+    ("drive", DRIVE),
+    ("noise", NOISE),
+    ("response", RESPONSE),
+    ("jump", "f8", 3),
+    ("slip_time", "f8"),
+], align=True)  # fmt: skip
+"""Estimates of the observer. The axes are x, y and yaw of B. The state of an axis is (displacement,
+twist, disturbance).
+
+- ``pose``: in W; m, m, rad.
+- ``twist``: body twist; m/s, m/s, rad/s.
+- ``disturbance``: m/s, m/s, rad/s; where poses are noisy, of a command at the usual speed. See
+  :func:`~.disturbance.disturbance_at`.
+- ``covariance``: of every axis, in m^2 and so on, of the yaw axis in rad^2 and so on; the coupling
+  between axes is neglected.
+- ``motors``: twist that the motors follow: the commanded one with gains, delay and lag.
+- ``jump``: last displacement along the axes of a robot that was moved, otherwise 0; m, m, rad.
+- ``slip_time``: for how long wheels have slipped up to now, s.
+"""
 
 
 class ObservedMotion(NamedTuple):
@@ -32,79 +83,63 @@ class ObservedMotion(NamedTuple):
 
 
 class MotionMemory(NamedTuple):
-    """State of the observer; all arrays are changed in place.
+    """State of the observer, with the earlier commands; all arrays are changed in place."""
 
-    The axes are x, y and yaw of B. The state of an axis is (displacement, twist, disturbance); its
-    covariance neglects the coupling between axes.
-    """
-
-    pose: Float[Array, " 3"]
-    """Estimated pose in W; m, m, rad."""
-    twist: Float[Array, " 3"]
-    """Estimated body twist; m/s, m/s, rad/s."""
-    disturbance: Float[Array, " 3"]
-    """Disturbance, m/s, m/s, rad/s; where poses are noisy, of a command at the usual speed. See
-    :func:`~.disturbance.disturbance_at`."""
-    covariance: Float[Array, "axes 3 3"]
-    """Covariance of every axis, in m^2 and so on; of the yaw axis in rad^2."""
-    motors: Float[Array, " 3"]
-    """Twist that the motors follow: the commanded one with gains, delay and lag."""
-    drive: Float[Array, " 8"]
-    """Gains along x, y and yaw, lag of the motors in x and y (s), delay of the commands (s), the
-    part of the lag that commands compensate (s); and the latter and the lag in yaw."""
-    identified: Float[Array, " values"]
-    """State of the identification of these parameters, see
-    :func:`~omnidrive.estimation.identification_state.memory_in`; empty without identification."""
+    state: Any
+    """The estimates, one record of :data:`MOTION`."""
     commands: Float[Array, "commands 3"]
     """Commanded twists, the latest one first: one more than take effect later."""
-    noise: Float[Array, " 13"]
-    """Estimated variance of measured positions (m^2) and yaws (rad^2); of every axis the last
-    difference of a measured displacement from the predicted one, and the last residual; the number
-    of measurements; of every axis the last displacement of a robot that was moved, otherwise 0; and
-    for how long wheels have slipped up to now, s.
-    See :func:`~.pose_noise.estimate_noise` and :func:`~.motion_observer.correct`."""
-    reached: Float[Array, " 3"]
-    """Share of the planned acceleration that the robot reaches, minus the assumed one; how much its
-    response is delayed, and has lately been late, 0 to 1; see
-    :func:`~.acceleration_ratio.reached_share`, :func:`~.acceleration_ratio.response_ratio` and
-    :func:`~.acceleration_ratio.is_late`."""
+    identified: Float[Array, " values"]
+    """State of the identification of the drive, see
+    :func:`~omnidrive.estimation.identification_state.memory_in`; empty without identification."""
+    applied: Float[Array, " 7"]
+    """Output of the identification, which :func:`apply_identified` copies."""
 
 
 def observed_motion(memory: MotionMemory) -> ObservedMotion:
     """Return the estimates at the last step."""
+    state = memory.state[0]
     return ObservedMotion(
-        Pose(*memory.pose.tolist()),
-        BodyTwist(*memory.twist.tolist()),
-        BodyTwist(*memory.disturbance.tolist()),
+        Pose(*state["pose"].tolist()),
+        BodyTwist(*state["twist"].tolist()),
+        BodyTwist(*state["disturbance"].tolist()),
     )
 
 
 def motion_memory(commands: int, identified: int = 0) -> MotionMemory:
     """Return the memory for a number of commands, and of values of the identification."""
     return MotionMemory(
-        np.zeros(3),
-        np.zeros(3),
-        np.zeros(3),
-        np.zeros((3, 3, 3)),
-        np.zeros(3),
-        np.zeros(8),
-        np.zeros(identified),
-        np.zeros((commands, 3)),
-        np.zeros(13),
-        np.zeros(3),
+        np.zeros(1, MOTION), np.zeros((commands, 3)), np.zeros(identified), np.zeros(7)
     )
+
+
+def known_drive(gains: Vector, lag: float, delay: float) -> Array:
+    """Return a record of :data:`DRIVE`, without lead; the lag (s) in yaw is that in x and y."""
+    return np.array([(gains, lag, delay, 0.0, lag, 0.0)], DRIVE)
+
+
+@inlined
+def apply_identified(applied: Float[Array, " 7"], drive: Any) -> None:
+    """Set gains, lag (s), delay (s) and lag in yaw (s) to those that the identification gives."""
+    for a in range(3):
+        drive.gains[a] = applied[a]
+    drive.lag, drive.delay, drive.yaw_lag = applied[3], applied[4], applied[6]
 
 
 @compiled
 def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
     """Start at a known pose with a known twist, without disturbance."""
+    state = memory.state[0]
+    noise, response = state.noise, state.response
     for a in range(3):
-        memory.pose[a], memory.twist[a], memory.disturbance[a] = pose[a], twist[a], 0.0
-        memory.motors[a] = twist[a]
-    memory.covariance[:] = 0.0
+        state.pose[a], state.twist[a], state.disturbance[a] = pose[a], twist[a], 0.0
+        state.motors[a] = twist[a]
+        noise.difference[a] = noise.residual[a] = state.jump[a] = 0.0
+    state.covariance[:] = 0.0
     memory.commands[:] = 0.0
-    memory.noise[:] = 0.0
-    memory.reached[:] = 0.0
+    noise.position_variance = noise.yaw_variance = state.slip_time = 0.0
+    noise.measurements = 0
+    response.excess_ratio = response.delayed = response.late = 0.0
 
 
 @compiled

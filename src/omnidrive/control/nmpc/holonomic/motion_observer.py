@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import ceil, cos, inf, sin, sqrt
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -13,17 +14,12 @@ from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at, disturbance_scale
 from omnidrive.control.nmpc.holonomic.lag_response import MIN_LAG, mean_decay
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
-from omnidrive.control.nmpc.holonomic.motion_memory import (
-    DELAY,
-    LAG,
-    YAW_LAG,
-    MotionMemory,
-    axis_unit,
-)
+from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory, axis_unit
 from omnidrive.control.nmpc.holonomic.pose_noise import (
     estimate_noise,
     noisy_share,
     pose_variance,
+    position_variance,
 )
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, respond, slip_response
 from omnidrive.robot.slip import Vector
@@ -73,7 +69,7 @@ def predict(
     Returns:
         Mean share of wheels at the friction limit, 0 to 1, with the disturbance and without.
     """
-    delay, share, undisturbed = memory.drive[DELAY], 0.0, 0.0
+    delay, share, undisturbed = memory.state[0].drive.delay, 0.0, 0.0
     latest = whole_periods(delay, period)
     older = min(delay - latest * period, dt)
     if older > _ROUNDING * period:
@@ -89,21 +85,21 @@ def _predict_one(
     model: SlipModel, memory: MotionMemory, command: int, dt: float
 ) -> tuple[float, float]:
     """Predict state and covariance over ``dt`` (s) with one command, as :func:`predict`."""
-    steps, h = _motor_steps(max(memory.drive[LAG], memory.drive[YAW_LAG]), dt)
-    share, undisturbed = 0.0, 0.0
+    state, share, undisturbed = memory.state[0], 0.0, 0.0
+    steps, h = _motor_steps(state.drive, dt)
     for _ in range(steps):
-        mean, motors = _motor_response(memory, command, _vector(memory.motors), h)
+        mean, motors = _motor_response(memory, command, _vector(state.motors), h)
         for a in range(3):
-            memory.motors[a] = motors[a]
-        held, other = _predict_held(model, memory, mean, h)
+            state.motors[a] = motors[a]
+        held, other = _predict_held(model, state, mean, h)
         share, undisturbed = share + held / steps, undisturbed + other / steps
     return share, undisturbed
 
 
 @compiled
-def _motor_steps(lag: float, dt: float) -> tuple[int, float]:
+def _motor_steps(drive: Any, dt: float) -> tuple[int, float]:
     """Return the number and the length (s) of the steps in ``dt`` (s) with a constant input."""
-    steps = 1 if lag < MIN_LAG else ceil(dt / _MOTOR_STEP - _ROUNDING)
+    steps = 1 if max(drive.lag, drive.yaw_lag) < MIN_LAG else ceil(dt / _MOTOR_STEP - _ROUNDING)
     return steps, dt / steps
 
 
@@ -112,36 +108,35 @@ def _motor_response(
     memory: MotionMemory, command: int, motors: Vector, dt: float
 ) -> tuple[Vector, Vector]:
     """Return mean and final value of the motors' twist over ``dt`` (s) with one command."""
-    sent, drive = memory.commands[command], memory.drive
-    share, decay = mean_decay(drive[LAG], dt)
-    yaw_share, yaw_decay = mean_decay(drive[YAW_LAG], dt)
-    x, y, yaw = drive[0] * sent[0], drive[1] * sent[1], drive[2] * sent[2]
+    sent, drive = memory.commands[command], memory.state[0].drive
+    share, decay = mean_decay(drive.lag, dt)
+    yaw_share, yaw_decay = mean_decay(drive.yaw_lag, dt)
+    gains = drive.gains
+    x, y, yaw = gains[0] * sent[0], gains[1] * sent[1], gains[2] * sent[2]
     dx, dy, dw = motors[0] - x, motors[1] - y, motors[2] - yaw
     mean = (x + share * dx, y + share * dy, yaw + yaw_share * dw)
     return mean, (x + decay * dx, y + decay * dy, yaw + yaw_decay * dw)
 
 
 @compiled
-def _predict_held(
-    model: SlipModel, memory: MotionMemory, motors: Vector, dt: float
-) -> tuple[float, float]:
+def _predict_held(model: SlipModel, state: Any, motors: Vector, dt: float) -> tuple[float, float]:
     """Predict state and covariance over ``dt`` (s) with a constant twist of the motors."""
-    initial, commanded = _vector(memory.twist), _disturbed(model, memory, motors)
+    initial, commanded = _vector(state.twist), _disturbed(model, state, motors)
     mean, final, derivatives = respond(model, initial, commanded, dt)
-    _move(memory.pose, mean, dt)
+    _move(state.pose, mean, dt)
     acceleration = _ACCELERATION + _SLIP_ACCELERATION * derivatives.saturation
     for a in range(3):
-        unit, noisy = axis_unit(model, a), noisy_share(model, memory, a)
+        unit, noisy = axis_unit(model, a), noisy_share(model, state, a)
         displacement, drift, decay = _NOISY_ROTATION if a == 2 else _NOISY_TRANSLATION
         displacement = _DISPLACEMENT + noisy * (displacement - _DISPLACEMENT)
         drift, kept = _DRIFT + noisy * (drift - _DRIFT), 1.0 / (1.0 + noisy * decay * dt)
         free = unit * acceleration * dt  # the lag removes part of it
         by_pose = 0.5 * dt * (1.0 - derivatives.mean_by_input[a]) * free
         by_twist = (1.0 - derivatives.final_by_input[a]) * free
-        scale = disturbance_scale(model, memory, motors[a], a)
+        scale = disturbance_scale(model, state, motors[a], a)
         m, n = dt * derivatives.mean_by_initial[a], scale * dt * derivatives.mean_by_input[a]
         f, g = derivatives.final_by_initial[a], scale * derivatives.final_by_input[a]
-        p = memory.covariance[a]
+        p = state.covariance[a]
         # F P F^T with F = [[1, m, n], [0, f, g], [0, 0, kept]], from the columns of F P
         pp, pb, pd, bb, bd, dd = p[0, 0], p[0, 1], p[0, 2], p[1, 1], p[1, 2], p[2, 2]
         p_d = pd + m * bd + n * dd
@@ -150,16 +145,16 @@ def _predict_held(
         p[0, 0] = pp + m * pb + n * pd + m * p_b + n * p_d + by_pose * by_pose
         p[0, 0] += (unit * displacement * dt) ** 2
         if a < 2:
-            p[0, 0] += noisy * max(memory.noise[0], 0.0) * (dt / _NOISY_TIME) ** 2
+            p[0, 0] += noisy * position_variance(state) * (dt / _NOISY_TIME) ** 2
         p[0, 1] = f * p_b + g * p_d + by_pose * by_twist
         p[0, 2] = kept * p_d
         p[1, 1] = f * (f * bb + g * bd) + g * b_d + by_twist * by_twist
         p[1, 2] = kept * b_d
         p[2, 2] = kept * kept * dd + (unit * drift) ** 2 * dt
         p[1, 0], p[2, 0], p[2, 1] = p[0, 1], p[0, 2], p[1, 2]
-        memory.disturbance[a] *= kept
+        state.disturbance[a] *= kept
     for a in range(3):
-        memory.twist[a] = final[a]
+        state.twist[a] = final[a]
     if derivatives.saturation <= STEADY_SATURATION:
         return derivatives.saturation, derivatives.saturation
     _, _, undisturbed = respond(model, initial, motors, dt)
@@ -169,7 +164,7 @@ def _predict_held(
 @compiled
 def correct(  # noqa: PLR0917
     model: SlipModel,
-    memory: MotionMemory,
+    state: Any,
     pose: Vector,
     variances: Vector,
     dt: float,
@@ -182,7 +177,7 @@ def correct(  # noqa: PLR0917
 
     Args:
         model: The model.
-        memory: The prediction; corrected in place.
+        state: The prediction; corrected in place.
         pose: Measured pose in W.
         variances: Of the measured displacements along the axes of B, m^2, m^2 and rad^2;
             negative: unknown, estimated from the innovations.
@@ -191,69 +186,77 @@ def correct(  # noqa: PLR0917
             the disturbance is constant; if they go on to slip, it may decrease.
         steady: Whether the disturbance may be corrected.
     """
-    yaw = memory.pose[2]
+    yaw = state.pose[2]
     c, s = cos(yaw), sin(yaw)
-    dx, dy = pose[0] - memory.pose[0], pose[1] - memory.pose[1]
+    dx, dy = pose[0] - state.pose[0], pose[1] - state.pose[1]
     innovation = (c * dx + s * dy, c * dy - s * dx, wrap_angle(pose[2] - yaw))
-    moved, change = False, np.zeros(3)
-    for a in range(3):
-        total = memory.covariance[a, 0, 0] + pose_variance(model, memory, variances, a)
-        gate = _GATE * sqrt(total) + _max_unmodelled_displacement(model, dt, a)
-        moved = moved or abs(innovation[a]) > gate
-    is_repeated = moved and _is_repeated_displacement(model, memory, innovation, dt)
+    moved, change = _is_moved(model, state, innovation, variances, dt), np.zeros(3)
+    is_repeated = moved and _is_repeated_displacement(model, state, innovation, dt)
     if not moved:
-        estimate_noise(model, memory, innovation)
-    _count_slips(memory, shares, dt if steady else 0.0)
+        estimate_noise(model, state, innovation)
+    _count_slips(state, shares, dt if steady else 0.0)
     for a in range(3):
-        p, variance = memory.covariance[a], pose_variance(model, memory, variances, a)
+        p, variance = state.covariance[a], pose_variance(model, state, variances, a)
         total = p[0, 0] + variance
-        memory.noise[5 + a], memory.noise[9 + a] = 0.0, 0.0
+        state.noise.residual[a], state.jump[a] = 0.0, 0.0
         if moved:
-            change[a] = memory.noise[9 + a] = innovation[a]
+            change[a] = state.jump[a] = innovation[a]
             if is_repeated:
-                memory.twist[a] += innovation[a] / dt
-                inflate_twist_variance(model, memory, a, dt)
+                state.twist[a] += innovation[a] / dt
+                inflate_twist_variance(model, state, a, dt)
             continue
-        to_zero = p[2, 0] * innovation[a] * memory.disturbance[a] < 0.0
-        wrong = memory.noise[12] > _MAX_SLIP_TIME and to_zero
+        to_zero = p[2, 0] * innovation[a] * state.disturbance[a] < 0.0
+        wrong = state.slip_time > _MAX_SLIP_TIME and to_zero
         constant = steady and (shares[0] <= STEADY_SATURATION or wrong)
         gains = (p[0, 0] / total, p[1, 0] / total, p[2, 0] / total if constant else 0.0)
         change[a] = gains[0] * innovation[a]
-        memory.noise[5 + a] = innovation[a] - change[a]
-        memory.twist[a] += gains[1] * innovation[a]
-        most, found = _LARGEST * model.max_rim_speed * axis_unit(model, a), gains[2] * innovation[a]
-        memory.disturbance[a] = min(max(memory.disturbance[a] + found, -most), most)
+        state.noise.residual[a] = innovation[a] - change[a]
+        state.twist[a] += gains[1] * innovation[a]
+        disturbance = state.disturbance[a] + gains[2] * innovation[a]
+        max_disturbance = _LARGEST * model.max_rim_speed * axis_unit(model, a)
+        state.disturbance[a] = min(max(disturbance, -max_disturbance), max_disturbance)
         _reduce(p, gains, variance)
-    memory.pose[0] += c * change[0] - s * change[1]
-    memory.pose[1] += s * change[0] + c * change[1]
-    memory.pose[2] += change[2]
+    state.pose[0] += c * change[0] - s * change[1]
+    state.pose[1] += s * change[0] + c * change[1]
+    state.pose[2] += change[2]
 
 
 @compiled
-def _count_slips(memory: MotionMemory, shares: tuple[float, float], dt: float) -> None:
+def _is_moved(
+    model: SlipModel, state: Any, innovation: Vector, variances: Vector, dt: float
+) -> bool:
+    """Return whether a measured pose is an outlier, or that of a robot that was moved."""
+    for a in range(3):
+        total = state.covariance[a, 0, 0] + pose_variance(model, state, variances, a)
+        gate = _GATE * sqrt(total) + _max_unmodelled_displacement(model, dt, a)
+        if abs(innovation[a]) > gate:
+            return True
+    return False
+
+
+@compiled
+def _count_slips(state: Any, shares: tuple[float, float], dt: float) -> None:
     """Count the time for which wheels slip, half where they would slip without the disturbance.
 
     A time of 0 sets it to zero.
     """
     if shares[0] <= STEADY_SATURATION or dt == 0.0:
-        memory.noise[12] = 0.0
+        state.slip_time = 0.0
     else:
-        memory.noise[12] += dt if shares[1] <= STEADY_SATURATION else 0.5 * dt
+        state.slip_time += dt if shares[1] <= STEADY_SATURATION else 0.5 * dt
 
 
 @compiled
-def _is_repeated_displacement(
-    model: SlipModel, memory: MotionMemory, innovation: Vector, dt: float
-) -> bool:
+def _is_repeated_displacement(model: SlipModel, state: Any, innovation: Vector, dt: float) -> bool:
     """Return whether the robot is moved about as far as before: its twist is wrong.
 
     An outlier, in contrast, is followed by the same displacement back, or is too far away.
     """
-    x, y, yaw = memory.noise[9], memory.noise[10], memory.noise[11]
+    x, y, yaw = state.jump[0], state.jump[1], state.jump[2]
     turned = (0.5 * (abs(x) + abs(y)), 0.5 * (abs(x) + abs(y)), 0.5 * abs(yaw))
     for a in range(3):
         farthest = 2.0 * dt * model.max_rim_speed * axis_unit(model, a)
-        change = abs(innovation[a] - memory.noise[9 + a])
+        change = abs(innovation[a] - state.jump[a])
         if (
             abs(innovation[a]) > farthest
             or change > _max_unmodelled_displacement(model, dt, a) + turned[a]
@@ -263,34 +266,34 @@ def _is_repeated_displacement(
 
 
 @compiled
-def correct_twist(model: SlipModel, memory: MotionMemory, twist: Vector, dt: float) -> None:
+def correct_twist(model: SlipModel, state: Any, twist: Vector, dt: float) -> None:
     """Replace the twist by an estimated one, unless the robot cannot have changed to it.
 
     Such a twist is an outlier, or that after a collision, which the next poses show.
 
     Args:
         model: The model.
-        memory: The state, after the correction by the pose; changed in place.
+        state: The state, after the correction by the pose; changed in place.
         twist: Estimated body twist.
         dt: Sample time, in s.
     """
     for a in range(3):
-        most = (
-            _GATE * sqrt(memory.covariance[a, 1, 1])
+        max_change = (
+            _GATE * sqrt(state.covariance[a, 1, 1])
             + _max_unmodelled_displacement(model, dt, a) / dt
         )
-        if abs(twist[a] - memory.twist[a]) > most:
+        if abs(twist[a] - state.twist[a]) > max_change:
             return
     for a in range(3):
-        p = memory.covariance[a]
-        memory.twist[a] = twist[a]
+        p = state.covariance[a]
+        state.twist[a] = twist[a]
         p[0, 1] = p[1, 0] = p[1, 1] = p[1, 2] = p[2, 1] = 0.0
 
 
 @compiled
-def inflate_twist_variance(model: SlipModel, memory: MotionMemory, axis: int, dt: float) -> None:
+def inflate_twist_variance(model: SlipModel, state: Any, axis: int, dt: float) -> None:
     """Raise the standard deviation of the twist to the change that is possible in ``dt`` (s)."""
-    sigma, p = _max_unmodelled_displacement(model, dt, axis) / dt, memory.covariance[axis]
+    sigma, p = _max_unmodelled_displacement(model, dt, axis) / dt, state.covariance[axis]
     p[1, 1] = max(p[1, 1], sigma * sigma)
 
 
@@ -313,24 +316,25 @@ def predict_delayed(
 
     Delay compensation: the motion that the commands already sent cause within the delay.
     """
-    pose, twist, motors = memory.pose.copy(), _vector(memory.twist), _vector(memory.motors)
-    delay = memory.drive[DELAY]
+    state = memory.state[0]
+    pose, twist, motors = state.pose.copy(), _vector(state.twist), _vector(state.motors)
+    delay = state.drive.delay
     count = whole_periods(delay, period)
     for k in range(count, -1, -1):
         dt = delay - count * period if k == count else period
         if dt > _ROUNDING * period:
-            steps, h = _motor_steps(max(memory.drive[LAG], memory.drive[YAW_LAG]), dt)
+            steps, h = _motor_steps(state.drive, dt)
             for _ in range(steps):
                 held, motors = _motor_response(memory, k, motors, h)
-                mean, twist = slip_response(model, twist, _disturbed(model, memory, held), h)
+                mean, twist = slip_response(model, twist, _disturbed(model, state, held), h)
                 _move(pose, mean, h)
     return _vector(pose), twist, motors
 
 
 @compiled
-def _disturbed(model: SlipModel, memory: MotionMemory, motors: Vector) -> Vector:
+def _disturbed(model: SlipModel, state: Any, motors: Vector) -> Vector:
     """Return a twist of the motors plus the disturbance."""
-    disturbance = disturbance_at(model, memory, motors)
+    disturbance = disturbance_at(model, state, motors)
     return motors[0] + disturbance[0], motors[1] + disturbance[1], motors[2] + disturbance[2]
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from math import sqrt
+from typing import Any
 
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory, axis_unit
+from omnidrive.control.nmpc.holonomic.motion_memory import axis_unit
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.robot.slip import Vector
 
@@ -17,12 +18,12 @@ _EXPECTED = 0.01
 """Standard deviation of a measured position that is not surprising without evidence, m."""
 _LARGEST = 4.0
 """Largest difference of two poses that counts as noise, in standard deviations."""
-_NOISE_MEMORY = 30.0
+_NOISE_MEMORY = 30
 """Number of samples over which the variance of the noise is averaged."""
 
 
 @compiled
-def estimate_noise(model: SlipModel, memory: MotionMemory, innovation: Vector) -> None:
+def estimate_noise(model: SlipModel, state: Any, innovation: Vector) -> None:
     """Update the variance of the noise by the covariance of consecutive differences.
 
     White noise n of the poses adds n_k - n_{k-1} to a measured displacement, so that consecutive
@@ -32,17 +33,31 @@ def estimate_noise(model: SlipModel, memory: MotionMemory, innovation: Vector) -
     standard deviations of the noise known so far, so that single outliers are no noise (Huber,
     "Robust estimation of a location parameter", Ann. Math. Statist. 35, 1964).
     """
-    noise = memory.noise
-    most = _largest_difference(model, noise[0], 0)
-    max_yaw = _largest_difference(model, noise[1], 2)
-    x = min(max(innovation[0] - noise[5], -most), most)
-    y = min(max(innovation[1] - noise[6], -most), most)
-    yaw = min(max(innovation[2] - noise[7], -max_yaw), max_yaw)
-    noise[8] += 1.0
-    share = 1.0 / min(noise[8], _NOISE_MEMORY)
-    noise[0] += share * (-0.5 * (x * noise[2] + y * noise[3]) - noise[0])
-    noise[1] += share * (-yaw * noise[4] - noise[1])
-    noise[2], noise[3], noise[4] = x, y, yaw
+    noise = state.noise
+    difference, residual = noise.difference, noise.residual
+    limit = _largest_difference(model, noise.position_variance, 0)
+    yaw_limit = _largest_difference(model, noise.yaw_variance, 2)
+    x = min(max(innovation[0] - residual[0], -limit), limit)
+    y = min(max(innovation[1] - residual[1], -limit), limit)
+    yaw = min(max(innovation[2] - residual[2], -yaw_limit), yaw_limit)
+    noise.measurements += 1
+    share = 1.0 / min(noise.measurements, _NOISE_MEMORY)
+    by_position = -0.5 * (x * difference[0] + y * difference[1])
+    noise.position_variance += share * (by_position - noise.position_variance)
+    noise.yaw_variance += share * (-yaw * difference[2] - noise.yaw_variance)
+    difference[0], difference[1], difference[2] = x, y, yaw
+
+
+@compiled
+def position_variance(state: Any) -> float:
+    """Return the estimated variance of a measured position, m^2; not negative."""
+    return max(float(state.noise.position_variance), 0.0)
+
+
+@compiled
+def axis_variance(state: Any, axis: int) -> float:
+    """Return the estimated variance of a measured x, y (m^2) or yaw (rad^2); not negative."""
+    return max(float(state.noise.yaw_variance), 0.0) if axis == 2 else position_variance(state)
 
 
 @compiled
@@ -53,17 +68,17 @@ def _largest_difference(model: SlipModel, variance: float, axis: int) -> float:
 
 
 @compiled
-def noisy_share(model: SlipModel, memory: MotionMemory, axis: int) -> float:
+def noisy_share(model: SlipModel, state: Any, axis: int) -> float:
     """Return 0 for exact poses to 1 for noise well above :data:`NOISY`, by the estimated noise."""
-    variance = max(memory.noise[1] if axis == 2 else memory.noise[0], 0.0)
+    variance = axis_variance(state, axis)
     ratio = variance / (NOISY * axis_unit(model, axis)) ** 2
     return float(1.0 - 1.0 / (1.0 + ratio * ratio))
 
 
 @compiled
-def pose_variance(model: SlipModel, memory: MotionMemory, variances: Vector, axis: int) -> float:
+def pose_variance(model: SlipModel, state: Any, variances: Vector, axis: int) -> float:
     """Return the variance of a measured displacement, which is estimated if it is not known."""
     variance = variances[axis]
     if variance < 0.0:
-        variance = max(memory.noise[1] if axis == 2 else memory.noise[0], 0.0)
+        variance = axis_variance(state, axis)
     return variance + _MIN_VARIANCE * axis_unit(model, axis) ** 2

@@ -31,11 +31,13 @@ class RobotModel(NamedTuple):
     """In rad/s."""
     reserve: float
     """Largest acceleration over those limits, at least 1."""
-    drive: Float[Array, " 5"]
-    """Known gains of the drive along x, y and yaw, lag of the motors (s) and delay (s)."""
+    drive: Any
+    """Known drive, a record of :data:`~.motion_memory.DRIVE`."""
     identify: Any
     """:func:`~omnidrive.estimation.drive_identification.identify` as a
     :class:`~omnidrive.compiled.CompiledFunction`; None: the drive is not identified."""
+    known: Float[Array, " 5"]
+    """Known drive for the identification: gains along x, y and yaw, lag (s) and delay (s)."""
     bounds: DriveSettings
     """Bounds of the identification."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import cos, isfinite, sin
 from typing import Any, NamedTuple
 
+import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
@@ -21,12 +22,8 @@ from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.minimum_time_targets import minimum_time_targets
 from omnidrive.control.nmpc.holonomic.motion import arc_twist
 from omnidrive.control.nmpc.holonomic.motion_memory import (
-    DELAY,
-    LAG,
-    LEAD,
-    YAW_LAG,
-    YAW_LEAD,
     MotionMemory,
+    apply_identified,
     remember,
     restart,
 )
@@ -38,7 +35,7 @@ from omnidrive.control.nmpc.holonomic.motion_observer import (
     predict,
     predict_delayed,
 )
-from omnidrive.control.nmpc.holonomic.pose_noise import NOISY
+from omnidrive.control.nmpc.holonomic.pose_noise import NOISY, axis_variance, position_variance
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.robot_model import (
     RobotModel,
@@ -95,14 +92,24 @@ class Measurement(NamedTuple):
     """Whether the pose is a new measurement."""
 
 
+FIGURES = np.dtype([
+    ("cost", "f8"),
+    ("residual", "f8"),
+    ("violation", "f8"),
+    ("iterations", "i8"),
+    ("exit", "i8"),
+], align=True)  # fmt: skip
+"""Figures of a plan: cost, KKT residual, violation, iterations and exit code."""
+
+
 class Plan(NamedTuple):
     """Latest plan; all arrays are filled in place."""
 
     velocities: Float[Array, "stages 3"]
     states: Float[Array, "points 3"]
     multipliers: Float[Array, "stages rows"]
-    figures: Float[Array, " 5"]
-    """Cost, KKT residual, violation, iterations and exit code."""
+    figures: Any
+    """A record of :data:`FIGURES`."""
 
 
 @compiled
@@ -110,32 +117,31 @@ def observe(
     robot: RobotModel, memory: MotionMemory, now: Measurement, dt: float, steady: bool
 ) -> None:
     """Update the motion observer; ``dt`` is the sample time in s."""
-    known = is_plausible(robot, now.twist)
+    known, state = is_plausible(robot, now.twist), memory.state[0]
     elapsed = dt if now.elapsed <= _MIN_GAP * dt else now.elapsed  # a wrong clock
     if not elapsed <= _MAX_GAP * dt:
         first = not isfinite(elapsed)  # before the first step, the robot is at rest
         restart(memory, now.pose, now.twist if known and first else (0.0, 0.0, 0.0))
         for a in range(0 if first else 3):
-            inflate_twist_variance(robot.model, memory, a, dt)
+            inflate_twist_variance(robot.model, state, a, dt)
         if first:
-            for i in range(len(robot.drive)):
-                memory.drive[i] = robot.drive[i]
-            memory.drive[YAW_LAG] = robot.drive[LAG]
+            state.drive = robot.drive[0]
         _identify(robot.identify, START if first else RESTART, robot, memory, now, dt, dt)
         return
-    pose = (memory.pose[0], memory.pose[1], memory.pose[2])
-    twist = (memory.twist[0], memory.twist[1], memory.twist[2])
+    pose = (state.pose[0], state.pose[1], state.pose[2])
+    twist = (state.twist[0], state.twist[1], state.twist[2])
     shares = predict(robot.model, memory, elapsed, dt)
     if now.fresh:
-        update_reached(robot.model, robot.faces, memory, pose, twist, now.pose, elapsed)
-        correct(robot.model, memory, now.pose, now.variances, dt, shares, steady)
+        update_reached(robot.model, robot.faces, state, pose, twist, now.pose, elapsed)
+        correct(robot.model, state, now.pose, now.variances, dt, shares, steady)
     if known:
-        correct_twist(robot.model, memory, now.twist, dt)
+        correct_twist(robot.model, state, now.twist, dt)
     event = CONTINUE if steady else APPROACH
     _identify(robot.identify, event, robot, memory, now, elapsed, dt)
     steady = steady and shares[0] <= STEADY_SATURATION
-    memory.drive[LEAD] = memory.drive[LAG] if steady else 0.0
-    memory.drive[YAW_LEAD] = memory.drive[YAW_LAG] if steady else 0.0
+    drive = state.drive
+    drive.lead = drive.lag if steady else 0.0
+    drive.yaw_lead = drive.yaw_lag if steady else 0.0
 
 
 @compiled
@@ -151,10 +157,10 @@ def _identify(  # noqa: PLR0917
     """Update the identified parameters of the drive after a sample, unless poses are noisy."""
     if identify is None:
         return
-    sent, twist, noise, variances = memory.commands[0], memory.twist, memory.noise, now.variances
+    state, sent, variances = memory.state[0], memory.commands[0], now.variances
+    twist = state.twist
     if variances[0] < 0.0:
-        position = max(noise[0], 0.0)
-        variances = (position, position, max(noise[1], 0.0))
+        variances = (axis_variance(state, 0), axis_variance(state, 1), axis_variance(state, 2))
     goes_on = event in (CONTINUE, APPROACH)
     if goes_on and max(variances[0], variances[1]) > NOISY * NOISY:
         event, elapsed = START, period
@@ -166,8 +172,9 @@ def _identify(  # noqa: PLR0917
         variances,
         now.fresh,
     )
-    model, known = drive_model(robot.model), robot.drive
-    identify(event, model, robot.bounds, known, memory.identified, sample, memory.drive)
+    model, values, applied = drive_model(robot.model), memory.identified, memory.applied
+    identify(event, model, robot.bounds, robot.known, values, sample, applied)
+    apply_identified(applied, state.drive)
 
 
 @compiled
@@ -192,7 +199,7 @@ def fill_problem(  # noqa: PLR0917
     Returns:
         Whether the targets are those of an approach to a standing target.
     """
-    ahead = int((memory.drive[DELAY] - robot.drive[DELAY]) / p.dt + 0.5)
+    ahead = int((memory.state[0].drive.delay - robot.drive[0].delay) / p.dt + 0.5)
     first, last = first + ahead, max(last - ahead, 0)
     pose, twist, _ = predict_delayed(robot.model, memory, p.dt)
     points, before = len(p.targets), pose[2]
@@ -212,16 +219,14 @@ def fill_problem(  # noqa: PLR0917
         distance = max(distance, abs(p.targets[0, a] - p.start[a]))
     if len(robot.faces) == 0 or not (speed <= _STANDING and distance > _NEAR):
         return False
-    return _approach_target(robot, memory, p, twist)
+    return _approach_target(robot, memory.state[0], p, twist)
 
 
 @compiled
-def _approach_target(
-    robot: RobotModel, memory: MotionMemory, p: HolonomicProblem, twist: Vector
-) -> bool:
+def _approach_target(robot: RobotModel, state: Any, p: HolonomicProblem, twist: Vector) -> bool:
     """Replace a standing target by an approach, unless the free plan is one well within limits."""
     target = (p.targets[0, 0], p.targets[0, 1], p.targets[0, 2])
-    lead, prompt = _lead(robot, p, twist), response_ratio(memory)
+    lead, prompt = _lead(robot, p, twist), response_ratio(state)
     free = unconstrained_velocities(p)
     if not violates_constraints(p, free):
         vx, vy, rate = free[0]
@@ -241,7 +246,7 @@ def _approach_target(
         p.dt,
         lead,
         robot.reserve,
-        reached_share(memory),
+        reached_share(state),
         prompt,
         p.targets,
     )
@@ -308,8 +313,9 @@ def solve_problem(p: HolonomicProblem, plan: Plan, tolerance: float, max_iterati
     overwrite(plan.velocities, velocities)
     overwrite(plan.states, states)
     overwrite(plan.multipliers, multipliers)
-    plan.figures[0], plan.figures[1], plan.figures[2] = cost, residual, violation
-    plan.figures[3], plan.figures[4] = iterations, code
+    figures = plan.figures[0]
+    figures.cost, figures.residual, figures.violation = cost, residual, violation
+    figures.iterations, figures.exit = iterations, code
     return True
 
 
@@ -340,9 +346,9 @@ def command_stage(  # noqa: PLR0917
     desired = _stage_twist(plan, stage, factor, dt)
     following = _stage_twist(plan, min(stage + 1, len(plan.velocities) - 1), factor, dt)
     _, initial, motors = predict_delayed(robot.model, memory, dt)
-    model = robot.model
-    noisy = max(memory.noise[0], 0.0) > NOISY * NOISY
-    if model.may_spin and (noisy or (is_late(memory) and not approaches)):
+    model, state = robot.model, memory.state[0]
+    noisy = position_variance(state) > NOISY * NOISY
+    if model.may_spin and (noisy or (is_late(state) and not approaches)):
         model = SlipModel(
             model.rim_jacobian,
             model.inertia,
@@ -353,13 +359,13 @@ def command_stage(  # noqa: PLR0917
         )
     corrections = _APPROACH_CORRECTIONS if approaches else CORRECTIONS
     effective = compensate(model, desired, initial, dt, corrections)
-    mean = without_disturbance(robot.model, memory, effective)
+    mean = without_disturbance(robot.model, state, effective)
     change = (
         0.5 * (following[0] - desired[0]),
         0.5 * (following[1] - desired[1]),
         0.5 * (following[2] - desired[2]),
     )
-    command = saturate(robot, _command_motors(memory, mean, motors, change, dt))
+    command = saturate(robot, _command_motors(state.drive, mean, motors, change, dt))
     remember(memory, command)
     return command
 
@@ -373,21 +379,19 @@ def _stage_twist(plan: Plan, stage: int, factor: float, dt: float) -> Vector:
 
 
 @compiled
-def _command_motors(
-    memory: MotionMemory, mean: Vector, motors: Vector, change: Vector, dt: float
-) -> Vector:
+def _command_motors(drive: Any, mean: Vector, motors: Vector, change: Vector, dt: float) -> Vector:
     """Return the command with which the motors have a mean twist over a sample.
 
     The mean of ``lag dm/dt = gain u - m``, without a jump of m.
 
     Args:
-        memory: With the drive.
+        drive: The drive, a record of :data:`~.motion_memory.DRIVE`.
         mean: The mean twist.
         motors: Twist of the motors at the start of the sample.
         change: From the mean twist to that at the end of the sample.
         dt: Sample time, s.
     """
-    lead, yaw_lead, gains = memory.drive[LEAD] / dt, memory.drive[YAW_LEAD] / dt, memory.drive
+    lead, yaw_lead, gains = drive.lead / dt, drive.yaw_lead / dt, drive.gains
     return (
         (mean[0] + lead * (mean[0] + change[0] - motors[0])) / gains[0],
         (mean[1] + lead * (mean[1] + change[1] - motors[1])) / gains[1],
