@@ -10,15 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compilable, compiled
+from omnidrive.compiled import compiled
 from omnidrive.control.compiled_law import CompiledLaw, SampleState, SetpointWindow
-from omnidrive.control.controller import Command
-from omnidrive.control.guarded_controller import GuardedController
-from omnidrive.estimation import State
-from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.control.law_controller import LawController
+from omnidrive.geometry import Pose
 from omnidrive.geometry.kernels import twist_between, wrap
 from omnidrive.parameter import Bounds, check_bounds, check_sample_time
-from omnidrive.reference import Reference
 
 
 class FeedforwardGains(NamedTuple):
@@ -30,39 +27,47 @@ class FeedforwardGains(NamedTuple):
     """Decay rate of the heading error, 1/s."""
 
 
-@compilable
-def feedforward_law(
-    gains: FeedforwardGains, pose: Pose, current: Pose, following: Pose, dt: float
-) -> BodyTwist:
-    """Return the body twist that follows the reference exactly and makes errors decay.
+class FeedforwardData(NamedTuple):
+    """Parameters of the law; the fields are those of :class:`FeedforwardController`."""
+
+    gains: FeedforwardGains
+    dt: float
+
+
+@compiled
+def feedforward_law(  # noqa: PLR0917
+    data: FeedforwardData,
+    memory: Float[Array, " 0"],
+    now: SampleState,
+    setpoints: Float[Array, "2 6"],
+    command: Float[Array, " 3"],
+    details: Float[Array, " 0"],
+) -> int:
+    """Fill in the body twist that follows the reference exactly and makes errors decay.
 
     The continuous law ``twist_W = ref' + K (ref - pose)`` (Siciliano et al., "Robotics", 2009,
     eq. 3.70) makes the error decay as ``e(t + dt) = exp(-K dt) e(t)``. A sampled and held command
     has the same decay if it leads to ``goal = ref(t + dt) + exp(-K dt) (pose - ref(t))`` along the
     arc of a constant body twist, so that rotation during translation causes no error.
-
-    Args:
-        gains: K, in 1/s.
-        pose: Pose of the robot at t.
-        current: Reference pose at t.
-        following: Reference pose at t + dt.
-        dt: Sample time in s.
     """
+    gains, dt, (x, y, yaw) = data.gains, data.dt, now.pose
+    current, following = setpoints[0], setpoints[1]
     decay, yaw_decay = exp(-gains.position * dt), exp(-gains.heading * dt)
     goal = Pose(
-        following.x + decay * (pose.x - current.x),
-        following.y + decay * (pose.y - current.y),
-        following.yaw + yaw_decay * wrap(pose.yaw - current.yaw),
+        following[0] + decay * (x - current[0]),
+        following[1] + decay * (y - current[1]),
+        following[2] + yaw_decay * wrap(yaw - current[2]),
     )
-    return twist_between(pose, goal, dt)
+    command[0], command[1], command[2] = twist_between(Pose(x, y, yaw), goal, dt)
+    return 0
 
 
 _DEFAULT_GAINS = FeedforwardGains()
 
 
-@dataclass(frozen=True, slots=True)
-class FeedforwardController(GuardedController):
-    """A :class:`Controller` with :func:`feedforward_law`; it has no memory.
+@dataclass(frozen=True)
+class FeedforwardController(LawController):
+    """A :class:`Controller` with :func:`feedforward_law`; it has no memory and no details.
 
     Attributes:
         dt: Sample time in s.
@@ -79,38 +84,7 @@ class FeedforwardController(GuardedController):
         check_sample_time(self.dt)
         check_bounds(self.gains)
 
-    def reset(self, state: State) -> None:
-        """Do nothing: the law has no memory."""
-
-    def compute(self, t: float, state: State, reference: Reference) -> Command:
-        """Return the command for the state estimated at ``t`` (s); only its pose is used."""
-        pose = state.pose
-        current, following = (Pose(*row) for row in reference.window(t, 2, self.dt)[:, :3].tolist())
-        return Command(feedforward_law(self.gains, pose, current, following, self.dt))
-
     def compiled_law(self) -> CompiledLaw:
-        """Return the law for compiled loops."""
-        data = _FeedforwardData(self.gains, self.dt)
-        return CompiledLaw(_feedforward_step, data, np.zeros(0), SetpointWindow(0.0, 2, self.dt))
-
-
-class _FeedforwardData(NamedTuple):
-    gains: FeedforwardGains
-    dt: float
-
-
-@compiled
-def _feedforward_step(  # noqa: PLR0917
-    data: _FeedforwardData,
-    memory: Float[Array, " memory"],
-    now: SampleState,
-    setpoints: Float[Array, "2 6"],
-    command: Float[Array, " 3"],
-    details: Float[Array, " 0"],
-) -> int:
-    current = Pose(setpoints[0, 0], setpoints[0, 1], setpoints[0, 2])
-    following = Pose(setpoints[1, 0], setpoints[1, 1], setpoints[1, 2])
-    pose = Pose(now.pose[0], now.pose[1], now.pose[2])
-    twist = feedforward_law(data.gains, pose, current, following, data.dt)
-    command[0], command[1], command[2] = twist.vx, twist.vy, twist.yaw_rate
-    return 0
+        """Return the law with the controller's parameters."""
+        data = FeedforwardData(self.gains, self.dt)
+        return CompiledLaw(feedforward_law, data, np.zeros(0), SetpointWindow(0.0, 2, self.dt))

@@ -39,17 +39,20 @@ class LawController(GuardedController):
     """
 
     @property
-    @abstractmethod
     def detail_units(self) -> Mapping[str, str]:
-        """Name and unit of each detail of a command."""
+        """Name and unit of each detail of a command; here none."""
+        return {}
 
     @abstractmethod
     def compiled_law(self) -> CompiledLaw | None:
         """Return the law with the controller's parameters; None: these cannot be compiled."""
 
-    @abstractmethod
     def law_in_python(self) -> CompiledLaw:
-        """Return the law for parameters that cannot be compiled: see :func:`.in_python`."""
+        """Return the law for parameters that cannot be compiled: see :func:`.in_python`.
+
+        A controller that returns no compiled law overrides it.
+        """
+        raise NotImplementedError
 
     def prepare(self) -> None:
         """Compile the kernels of a step."""
