@@ -10,7 +10,7 @@ from omnidrive.control.nmpc.holonomic.motion_memory import motion_memory, rememb
 from omnidrive.control.nmpc.holonomic.robot_model import RobotModel
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
 from omnidrive.control.nmpc.holonomic.step import Measurement, observe
-from omnidrive.estimation.drive_estimate import DriveSettings
+from omnidrive.estimation.drive_estimate import DriveParameters, DriveSettings
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot
 
@@ -27,7 +27,7 @@ def plant(model):
         np.empty((0, 3)),
         SMALL.max_wheel_speed,
         1.0,
-        np.array([1.0, 1.0, 1.0, 0.0, 0.0]),
+        DriveParameters(),
         None,
         DriveSettings(),
     )

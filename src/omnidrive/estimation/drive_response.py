@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from math import ceil, exp, inf, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
@@ -46,24 +47,26 @@ class DriveModel(NamedTuple):
     """Friction limit of a wheel, in N; infinite: no wheel slips."""
 
 
-class Motions(NamedTuple):
-    """Motions of several variants of a drive under the same commands, changed in place.
+SENT_COMMAND = np.dtype([("twist", "f8", 3), ("duration", "f8")], align=True)
+"""A commanded body twist (m/s, m/s, rad/s), and the time for which it was held, s."""
 
-    The first index is that of the variant. F is the frame B of the first variant at the start.
-    """
+_HEADING = np.dtype([("cos", "f8"), ("sin", "f8")], align=True)
 
-    drives: Float[Array, "variants 5"]
-    """Gains along x, y and yaw, and lags of the motors in x and y, and in yaw, s."""
-    poses: Float[Array, "variants 3"]
-    """Pose in F; m, m, rad."""
-    headings: Float[Array, "variants 4"]
-    """Cosine and sine of the yaw in F, at the start and now."""
-    motors: Float[Array, "variants 3"]
-    """Twist m that the motors follow, in B; m/s, m/s, rad/s."""
-    twists: Float[Array, "variants 3"]
-    """Body twist, likewise."""
-    disturbances: Float[Array, "variants 3"]
-    """Disturbance, likewise; constant in W."""
+VARIANT = np.dtype([
+    ("gains", "f8", 3),
+    ("lag", "f8"),
+    ("yaw_lag", "f8"),
+    ("pose", "f8", 3),
+    ("start", _HEADING),
+    ("heading", _HEADING),
+    ("motors", "f8", 3),
+    ("twist", "f8", 3),
+    ("disturbance", "f8", 3),
+], align=True)  # fmt: skip
+"""A drive and its motion: gains along x, y and yaw; lags of the motors in x and y, and in yaw, s;
+pose in F (m, m, rad); cosine and sine of the yaw in F at the start, and now; twist that the motors
+follow, body twist and disturbance (constant in W), in B (m/s, m/s, rad/s). F is the frame B of the
+first variant at the start."""
 
 
 @compiled
@@ -99,9 +102,9 @@ def _squares(jacobian: Float[Array, "wheels 3"]) -> Vector:
 def respond(  # noqa: PLR0917
     model: DriveModel,
     rates: Vector,
-    motions: Motions,
+    variants: Any,
     delay: float,
-    commands: Float[Array, "commands 4"],
+    commands: Any,
     dt: float,
 ) -> float:
     """Continue the motions of all variants by ``dt`` seconds.
@@ -112,11 +115,11 @@ def respond(  # noqa: PLR0917
     Args:
         model: Response to the twist of the motors.
         rates: :func:`inverse_lags` of the model.
-        motions: The motions at the start, with the pose of the first variant at zero; changed in
-            place.
+        variants: Drives, and their motions under the same commands at the start, with the pose
+            of the first one at zero; records of :data:`VARIANT`, changed in place.
         delay: Time from a command until it takes effect, s.
-        commands: Earlier commands, the latest one first: body twist, and the time for which it was
-            held, s. The latest one ends now.
+        commands: Earlier commands, the latest one first; records of :data:`SENT_COMMAND`. The
+            latest one ends now.
         dt: In s.
 
     Returns:
@@ -125,51 +128,49 @@ def respond(  # noqa: PLR0917
     short = min(_STEP, max(_SLIP_STEP / rates[0], dt / _MAX_STEPS))
     begin, row, saturation = 0.0, 0, 0.0
     for k in range(len(commands)):  # the command that acts at the start
-        begin -= commands[k, 3]
+        begin -= commands[k].duration
         row = k
         if begin + delay <= -dt:
             break
     first = -dt
     for k in range(row, -1, -1):
-        begin += commands[k, 3]
+        begin += commands[k].duration
         end = min(begin + delay, 0.0)
         while end - first > _ROUNDING * dt:
             h = (end - first) / ceil((end - first) / _STEP - _ROUNDING)
-            slips = _slips(model, motions, commands[k], h)
+            slips = _slips(model, variants[0], commands[k].twist, h)
             if slips:
                 h = min(short, end - first)
-            saturation += h * _step(model, rates, motions, commands[k], h, slips)
+            saturation += h * _step(model, rates, variants, commands[k].twist, h, slips)
             first += h
         first = max(first, end)
-    for i in range(len(motions.drives)):
-        old_c, old_s, c, s = motions.headings[i]
-        p, q = c * old_c + s * old_s, s * old_c - c * old_s
-        ox, oy, ow = motions.disturbances[i]
-        _set(motions.disturbances[i], p * ox + q * oy, p * oy - q * ox, ow)
+    for v in variants:
+        p = v.heading.cos * v.start.cos + v.heading.sin * v.start.sin
+        q = v.heading.sin * v.start.cos - v.heading.cos * v.start.sin
+        ox, oy, ow = v.disturbance
+        _set(v.disturbance, p * ox + q * oy, p * oy - q * ox, ow)
     return saturation / dt
 
 
 @compiled
-def _slips(model: DriveModel, motions: Motions, command: Float[Array, " 4"], h: float) -> bool:
-    """Return whether a wheel slips at the begin of a step of ``h`` (s) in the first motion."""
+def _slips(model: DriveModel, first: Any, command: Float[Array, " 3"], h: float) -> bool:
+    """Return whether a wheel slips at the begin of a step of ``h`` (s) of the first variant."""
     if model.max_force == inf:  # the stiffness may be infinite, too
         return False
-    mean, _ = _motor_response(motions, 0, command, h)
-    bx, by, bw = motions.twists[0]
+    mean, _ = _motor_response(first, command, h)
+    bx, by, bw = first.twist
     return _peak(model, (mean[0] - bx, mean[1] - by, mean[2] - bw)) >= model.max_force
 
 
 @compiled
-def _motor_response(
-    motions: Motions, variant: int, command: Float[Array, " 4"], h: float
-) -> tuple[Vector, Vector]:
+def _motor_response(variant: Any, command: Float[Array, " 3"], h: float) -> tuple[Vector, Vector]:
     """Return the mean twist of the motors in ``h`` (s) plus the disturbance, and the final one."""
-    drive = motions.drives[variant]
-    gx, gy, gw = drive[0] * command[0], drive[1] * command[1], drive[2] * command[2]
-    mx, my, mw = motions.motors[variant]
-    ox, oy, ow = motions.disturbances[variant]
-    decay, share = _decay(drive[3], h)
-    yaw_decay, yaw_share = (decay, share) if drive[4] == drive[3] else _decay(drive[4], h)
+    gains, lag, yaw_lag = variant.gains, variant.lag, variant.yaw_lag
+    gx, gy, gw = gains[0] * command[0], gains[1] * command[1], gains[2] * command[2]
+    mx, my, mw = variant.motors
+    ox, oy, ow = variant.disturbance
+    decay, share = _decay(lag, h)
+    yaw_decay, yaw_share = (decay, share) if yaw_lag == lag else _decay(yaw_lag, h)
     mx, my, mw = mx - gx, my - gy, mw - gw
     mean = (gx + share * mx + ox, gy + share * my + oy, gw + yaw_share * mw + ow)
     return mean, (gx + decay * mx, gy + decay * my, gw + yaw_decay * mw)
@@ -179,12 +180,12 @@ def _motor_response(
 def _step(  # noqa: PLR0917
     model: DriveModel,
     rates: Vector,
-    motions: Motions,
-    command: Float[Array, " 4"],
+    variants: Any,
+    command: Float[Array, " 3"],
     h: float,
     slips: bool,
 ) -> float:
-    """Continue the motions by ``h`` (s) with a constant command.
+    """Continue the motions of all variants by ``h`` (s) with a constant command.
 
     Without slip the body twist is exact for the mean of the motors' twist in the step.
 
@@ -195,11 +196,12 @@ def _step(  # noqa: PLR0917
     ex, ey, ew = exp(-h * rates[0]), exp(-h * rates[1]), exp(-h * rates[2])
     qx, qy, qw = (1.0 - ex) * ix / h, (1.0 - ey) * iy / h, (1.0 - ew) * iw / h
     saturation, inertia = 0.0, model.inertia
-    for i in range(len(motions.drives)):
-        mean, motors = _motor_response(motions, i, command, h)
-        x, y, yaw = motions.poses[i]
-        _, _, c, s = motions.headings[i]
-        bx, by, bw = motions.twists[i]
+    for i in range(len(variants)):
+        v = variants[i]
+        mean, motors = _motor_response(v, command, h)
+        x, y, yaw = v.pose
+        c, s = v.heading.cos, v.heading.sin
+        bx, by, bw = v.twist
         cx, cy, cw = mean[0] + bw * by * ix, mean[1] - bw * bx * iy, mean[2]
         ax, ay, aw = cx + qx * (bx - cx), cy + qy * (by - cy), cw + qw * (bw - cw)
         nx, ny, nw = cx + ex * (bx - cx), cy + ey * (by - cy), cw + ew * (bw - cw)
@@ -218,10 +220,10 @@ def _step(  # noqa: PLR0917
         p, q = (1.0 - tangent * tangent) * square, 2.0 * tangent * square
         c, s = c * p - s * q, s * p + c * q
         x, y, yaw = x + h * (c * ax - s * ay), y + h * (s * ax + c * ay), yaw + h * aw
-        motions.headings[i, 2], motions.headings[i, 3] = c * p - s * q, s * p + c * q
-        _set(motions.poses[i], x, y, yaw)
-        _set(motions.motors[i], motors[0], motors[1], motors[2])
-        _set(motions.twists[i], nx, ny, nw)
+        v.heading.cos, v.heading.sin = c * p - s * q, s * p + c * q
+        _set(v.pose, x, y, yaw)
+        _set(v.motors, motors[0], motors[1], motors[2])
+        _set(v.twist, nx, ny, nw)
     return saturation
 
 

@@ -67,7 +67,7 @@ from omnidrive.estimation.drive_estimate import (
     drive_estimate,
 )
 from omnidrive.estimation.drive_identification import START, DriveSample, identify
-from omnidrive.estimation.identification_state import command_count, memory_size
+from omnidrive.estimation.identification_state import command_count, identification_memory
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
 from omnidrive.robot import Chassis
@@ -147,15 +147,15 @@ class HolonomicController(GuardedController):
         if model is None:
             model = SlipModel.without_slip(self.chassis, actuation.lag)
         commands = command_count(actuation.delay, self.dt)
-        values = 0 if self.adaptation is None else memory_size(commands)
-        self._memory = law_memory(stages, len(limits.bounds), commands, values)
+        identified = identification_memory(0 if self.adaptation is None else commands)
+        self._memory = law_memory(stages, len(limits.bounds), commands, identified)
         robot = RobotModel(
             model,
             np.ascontiguousarray(self.chassis.jacobian, dtype=float),
             np.empty((0, 3)) if faces is None else np.ascontiguousarray(faces, dtype=float),
             float(self.chassis.max_wheel_speed),
             actuation.reserve,
-            np.array([*actuation.drive_gain, actuation.motor_lag, actuation.delay]),
+            actuation.drive.parameters,
             self._identify(model),
             self.adaptation or DriveSettings(),
         )
@@ -179,12 +179,11 @@ class HolonomicController(GuardedController):
         settings, robot = self.adaptation, drive_model(model)
         if settings is None:
             return None
-        known, motion = self.actuation.drive, self._memory.motion
+        known, memory = self.actuation.drive, self._memory.motion.identified
         check_start(settings, known)
         zero = (0.0, 0.0, 0.0)
         sample = DriveSample(zero, 0.0, zero, zero, zero, False)
-        drive, values = motion.drive, motion.identified
-        return CompiledFunction(identify, START, robot, settings, drive, values, sample, drive)
+        return CompiledFunction(identify, START, robot, settings, known.parameters, memory, sample)
 
     def _new_window(self) -> ReferenceWindow:
         """Return a window that also covers the longest delay that can be identified."""
@@ -237,7 +236,7 @@ class HolonomicController(GuardedController):
         """Identified gains, lag and delay of the drive at the last step."""
         if self.adaptation is None or self._memory.last[STARTED] == 0.0:
             return self.actuation.drive
-        return drive_estimate(self._memory.motion.identified)
+        return drive_estimate(self._memory.motion.identified.state["estimate"][0])
 
     @property
     def motion(self) -> ObservedMotion:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -11,6 +11,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.estimation.identification_state import IdentificationMemory, identification_memory
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot.slip import Vector
 
@@ -52,9 +53,8 @@ class MotionMemory(NamedTuple):
     drive: Float[Array, " 8"]
     """Gains along x, y and yaw, lag of the motors in x and y (s), delay of the commands (s), the
     part of the lag that commands compensate (s); and the latter and the lag in yaw."""
-    identified: Float[Array, " values"]
-    """State of the identification of these parameters, see
-    :func:`~omnidrive.estimation.identification_state.memory_in`; empty without identification."""
+    identified: IdentificationMemory
+    """State of the identification of these parameters; empty without identification."""
     commands: Float[Array, "commands 3"]
     """Commanded twists, the latest one first: one more than take effect later."""
     noise: Float[Array, " 13"]
@@ -79,8 +79,8 @@ def observed_motion(memory: MotionMemory) -> ObservedMotion:
     )
 
 
-def motion_memory(commands: int, identified: int = 0) -> MotionMemory:
-    """Return the memory for a number of commands, and of values of the identification."""
+def motion_memory(commands: int, identified: IdentificationMemory | None = None) -> MotionMemory:
+    """Return the memory for a number of commands, with that of the identification."""
     return MotionMemory(
         np.zeros(3),
         np.zeros(3),
@@ -88,7 +88,7 @@ def motion_memory(commands: int, identified: int = 0) -> MotionMemory:
         np.zeros((3, 3, 3)),
         np.zeros(3),
         np.zeros(8),
-        np.zeros(identified),
+        identified or identification_memory(0),
         np.zeros((commands, 3)),
         np.zeros(13),
         np.zeros(3),
@@ -105,6 +105,15 @@ def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
     memory.commands[:] = 0.0
     memory.noise[:] = 0.0
     memory.reached[:] = 0.0
+
+
+@compiled
+def use_drive(memory: MotionMemory, drive: Any) -> None:
+    """Predict with parameters of the drive, which have the fields of ``DriveParameters``."""
+    for a in range(3):
+        memory.drive[a] = drive.gains[a]
+    memory.drive[LAG], memory.drive[DELAY] = drive.lag, drive.delay
+    memory.drive[YAW_LAG] = drive.yaw_lag
 
 
 @compiled

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compilable, compiled
 from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
-from omnidrive.estimation.drive_estimate import DriveSettings
+from omnidrive.estimation.drive_estimate import DriveParameters, DriveSettings
 from omnidrive.estimation.drive_response import DriveModel
 from omnidrive.robot.slip import Vector
 
@@ -31,8 +31,8 @@ class RobotModel(NamedTuple):
     """In rad/s."""
     reserve: float
     """Largest acceleration over those limits, at least 1."""
-    drive: Float[Array, " 5"]
-    """Known gains of the drive along x, y and yaw, lag of the motors (s) and delay (s)."""
+    drive: DriveParameters
+    """Known parameters of the drive."""
     identify: Any
     """:func:`~omnidrive.estimation.drive_identification.identify` as a
     :class:`~omnidrive.compiled.CompiledFunction`; None: the drive is not identified."""

@@ -29,6 +29,7 @@ from omnidrive.control.nmpc.holonomic.motion_memory import (
     MotionMemory,
     remember,
     restart,
+    use_drive,
 )
 from omnidrive.control.nmpc.holonomic.motion_observer import (
     STEADY_SATURATION,
@@ -118,9 +119,7 @@ def observe(
         for a in range(0 if first else 3):
             inflate_twist_variance(robot.model, memory, a, dt)
         if first:
-            for i in range(len(robot.drive)):
-                memory.drive[i] = robot.drive[i]
-            memory.drive[YAW_LAG] = robot.drive[LAG]
+            use_drive(memory, robot.drive)
         _identify(robot.identify, START if first else RESTART, robot, memory, now, dt, dt)
         return
     pose = (memory.pose[0], memory.pose[1], memory.pose[2])
@@ -167,7 +166,8 @@ def _identify(  # noqa: PLR0917
         now.fresh,
     )
     model, known = drive_model(robot.model), robot.drive
-    identify(event, model, robot.bounds, known, memory.identified, sample, memory.drive)
+    identify(event, model, robot.bounds, known, memory.identified, sample)
+    use_drive(memory, memory.identified.state[0].applied)
 
 
 @compiled
@@ -192,7 +192,7 @@ def fill_problem(  # noqa: PLR0917
     Returns:
         Whether the targets are those of an approach to a standing target.
     """
-    ahead = int((memory.drive[DELAY] - robot.drive[DELAY]) / p.dt + 0.5)
+    ahead = int((memory.drive[DELAY] - robot.drive.delay) / p.dt + 0.5)
     first, last = first + ahead, max(last - ahead, 0)
     pose, twist, _ = predict_delayed(robot.model, memory, p.dt)
     points, before = len(p.targets), pose[2]
