@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from omnidrive.control.nmpc.holonomic.actuation import Actuation
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation.drive_estimate import (
     DRIVE_ESTIMATE,
@@ -21,7 +20,6 @@ from omnidrive.estimation.drive_estimate import (
     write_estimate,
 )
 from omnidrive.estimation.drive_identification import CONTINUE, START, DriveSample, identify
-from omnidrive.estimation.drive_response import DriveModel
 from omnidrive.estimation.identification_state import (
     command_count,
     identification_memory,
@@ -30,6 +28,7 @@ from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import ShapeReference
 from omnidrive.reference.shapes import Eight
 from omnidrive.robot import load_robot, named_robot, save_robot
+from omnidrive.robot.drive_model import DriveModel
 from omnidrive.simulation import PlanarPlant
 from omnidrive.simulation.disturbances.disturbances import Disturbances
 
@@ -83,7 +82,7 @@ class Identification:
 
 
 def drive_model(robot):
-    return DriveModel(*SlipModel.of(robot)[:4])
+    return DriveModel.of(robot)
 
 
 def eight_commands(dt, duration=20.0):

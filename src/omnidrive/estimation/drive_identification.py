@@ -3,7 +3,7 @@
 Model of every axis of B (x, y, yaw): the commanded twist u takes effect after the delay D and, with
 the gain g, through the lag T of the motors; that in yaw is another one. Their twist m, with a
 disturbance d, which is constant in W as the force of a slope is, moves the robot as in
-:class:`~.drive_response.DriveModel`::
+:class:`~omnidrive.robot.drive_model.DriveModel`::
 
     T dm/dt = g u(t - D) - m
 
@@ -37,7 +37,6 @@ from typing import Any, NamedTuple
 from omnidrive.compiled import compiled
 from omnidrive.estimation.drive_estimate import HYPOTHESES, DriveParameters, DriveSettings
 from omnidrive.estimation.drive_prediction import predict
-from omnidrive.estimation.drive_response import DriveModel, inverse_lags, unit_of
 from omnidrive.estimation.identification_state import (
     PARAMETERS,
     IdentificationMemory,
@@ -50,6 +49,7 @@ from omnidrive.estimation.identification_state import (
     update_estimate,
 )
 from omnidrive.geometry.kernels import wrap
+from omnidrive.robot.drive_model import DriveModel, axis_unit, inverse_lags
 from omnidrive.robot.slip import Vector
 
 _MIN_VARIANCE = 1e-12
@@ -165,7 +165,7 @@ def _update(  # noqa: PLR0917
         if not _size(h) < _LARGEST:
             restart_hypothesis(h, pose if measured else _REST, _REST)
             for a in range(3):
-                h.state_covariance[a, 1, 1] = (unit_of(model, a) * _UNKNOWN_TWIST) ** 2
+                h.state_covariance[a, 1, 1] = (axis_unit(model, a) * _UNKNOWN_TWIST) ** 2
     if fresh and update_parameters:
         _compare(state.hypotheses, dt, scale, min(excess, 1.0))
         _choose(settings, state)
@@ -337,11 +337,11 @@ def _correct_parameters(model: DriveModel, h: Any, work: Any, axis: int, innovat
     deviation = sqrt(total)
     innovation = min(max(innovation, -_BOUND * deviation), _BOUND * deviation)
     vx, vy, rate = h.twist
-    speed = sqrt(vx * vx + vy * vy) + abs(rate) / unit_of(model, 2)
+    speed = sqrt(vx * vx + vy * vy) + abs(rate) / axis_unit(model, 2)
     for i in range(PARAMETERS):
         moves = i >= 3  # the lags
         if not moves:
-            moves = abs(h.twist[i]) / unit_of(model, i) > _MIN_SPEED + _MIN_SHARE * speed
+            moves = abs(h.twist[i]) / axis_unit(model, i) > _MIN_SPEED + _MIN_SHARE * speed
         if moves:
             gains[i] = cross[i] / total
             change[i] += gains[i] * innovation

@@ -9,13 +9,9 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.estimation.drive_response import (
-    DriveModel,
-    axis_slopes,
-    respond,
-    unit_of,
-)
 from omnidrive.estimation.identification_state import PARAMETERS, FilterParameters, named
+from omnidrive.robot.drive_model import DriveModel, axis_unit
+from omnidrive.robot.drive_variants import axis_slopes, respond_variants
 from omnidrive.robot.slip import Vector
 
 _MIN_STEPS = FilterParameters(1e-6, 1e-6, 1e-6, 0.005, 0.005)
@@ -55,7 +51,7 @@ def predict(  # noqa: PLR0917
     estimates, variant i + 1 that for parameter i larger by a step.
     """
     _set_variants(h, variants)
-    h.saturation = respond(model, rates, variants, h.delay, commands, dt)
+    h.saturation = respond_variants(model, rates, variants, h.delay, commands, dt)
     first, sens = variants[0], h.sensitivity
     _predict_covariances(model, rates, h, first.twist, dt)
     x, y, yaw = first.pose
@@ -113,13 +109,13 @@ def _predict_covariances(
     the sample would add q dt^2 / 4: exact poses would then make the estimated twist oscillate.
     """
     (bx, by, bw), saturation = twist, h.saturation
-    turning = abs(bw) / unit_of(model, 2)
+    turning = abs(bw) / axis_unit(model, 2)
     velocity = _VELOCITY + _RIPPLE * sqrt(bx * bx + by * by) + _TURN_RIPPLE * turning
     time = sqrt(dt * _RIPPLE_TIME)
     acceleration = _ACCELERATION + _SLIP_ACCELERATION * saturation
     slipping = _SLIP_ACCELERATION * saturation * time
     for a in range(3):
-        p, unit = h.state_covariance[a], unit_of(model, a)
+        p, unit = h.state_covariance[a], axis_unit(model, a)
         m, n, f, g = axis_slopes(rates[a], saturation, dt)
         # F P F^T with F = [[1, m, n], [0, f, g], [0, 0, 1]], from the columns of F P
         pp, pb, pd, bb, bd, dd = p[0, 0], p[0, 1], p[0, 2], p[1, 1], p[1, 2], p[2, 2]

@@ -19,7 +19,7 @@ from omnidrive.estimation.drive_estimate import (
     DriveParameters,
     DriveSettings,
 )
-from omnidrive.estimation.drive_response import SENT_COMMAND, VARIANT
+from omnidrive.robot.drive_variants import SENT_COMMAND, VARIANT
 from omnidrive.robot.slip import Vector
 
 _DISTURBANCE = 0.02
@@ -116,7 +116,8 @@ class IdentificationMemory(NamedTuple):
     state: Any
     """One record of :data:`IDENTIFICATION`; empty: nothing is identified."""
     commands: Any
-    """Earlier commands, the latest one first: records of :data:`~.drive_response.SENT_COMMAND`."""
+    """Earlier commands, the latest one first: records of
+    :data:`~omnidrive.robot.drive_variants.SENT_COMMAND`."""
 
 
 def identification_memory(commands: int) -> IdentificationMemory:

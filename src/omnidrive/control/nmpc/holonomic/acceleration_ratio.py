@@ -9,7 +9,7 @@ from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
 from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.robot.drive_model import DriveModel
 from omnidrive.robot.slip import Vector
 
 _ASSUMED, _MIN = 0.7, 0.3
@@ -54,7 +54,7 @@ def is_late(memory: MotionMemory) -> bool:
 
 @compiled
 def update_reached(  # noqa: PLR0917
-    model: SlipModel,
+    model: DriveModel,
     faces: Float[Array, "faces 3"],
     memory: MotionMemory,
     pose: Vector,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory, axis_unit
+from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory
 from omnidrive.control.nmpc.holonomic.pose_noise import noisy_share
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.robot.drive_model import DriveModel, axis_unit
 from omnidrive.robot.slip import Vector
 
 _USUAL_SPEED = 0.5
@@ -15,7 +15,7 @@ _MIN_GAIN = 0.5
 
 
 @compiled
-def disturbance_at(model: SlipModel, memory: MotionMemory, command: Vector) -> Vector:
+def disturbance_at(model: DriveModel, memory: MotionMemory, command: Vector) -> Vector:
     """Return the estimated disturbance with a commanded twist; m/s, m/s, rad/s."""
     disturbance = memory.disturbance
     return (
@@ -26,7 +26,7 @@ def disturbance_at(model: SlipModel, memory: MotionMemory, command: Vector) -> V
 
 
 @compiled
-def without_disturbance(model: SlipModel, memory: MotionMemory, twist: Vector) -> Vector:
+def without_disturbance(model: DriveModel, memory: MotionMemory, twist: Vector) -> Vector:
     """Return the commanded twist that has the effect of a twist in spite of the disturbance."""
     return (
         _without(model, memory, twist[0], 0),
@@ -36,7 +36,7 @@ def without_disturbance(model: SlipModel, memory: MotionMemory, twist: Vector) -
 
 
 @compiled
-def _without(model: SlipModel, memory: MotionMemory, component: float, axis: int) -> float:
+def _without(model: DriveModel, memory: MotionMemory, component: float, axis: int) -> float:
     """Return the component of :func:`without_disturbance` in an axis."""
     share, disturbance = noisy_share(model, memory, axis), memory.disturbance[axis]
     gain = 1.0 + share * disturbance / (_USUAL_SPEED * axis_unit(model, axis))
@@ -44,7 +44,7 @@ def _without(model: SlipModel, memory: MotionMemory, component: float, axis: int
 
 
 @compiled
-def disturbance_scale(model: SlipModel, memory: MotionMemory, command: float, axis: int) -> float:
+def disturbance_scale(model: DriveModel, memory: MotionMemory, command: float, axis: int) -> float:
     """Return the disturbance of an axis at a commanded component, as a multiple of its state.
 
     Where poses are noisy the disturbance is an error of gain, in proportion to the command. A

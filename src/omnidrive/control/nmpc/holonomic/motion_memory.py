@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +9,6 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.estimation.identification_state import IdentificationMemory, identification_memory
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot.slip import Vector
@@ -124,9 +122,3 @@ def remember(memory: MotionMemory, command: Vector) -> None:
             memory.commands[k, a] = memory.commands[k - 1, a]
     for a in range(3):
         memory.commands[0, a] = command[a]
-
-
-@compiled
-def axis_unit(model: SlipModel, axis: int) -> float:
-    """Return 1, for the yaw axis the inverse radius of gyration, in rad/m."""
-    return sqrt(model.inertia[0] / model.inertia[2]) if axis == 2 else 1.0

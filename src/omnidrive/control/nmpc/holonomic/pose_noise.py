@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import sqrt
 
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory, axis_unit
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory
+from omnidrive.robot.drive_model import DriveModel, axis_unit
 from omnidrive.robot.slip import Vector
 
 NOISY = 2e-3
@@ -22,7 +22,7 @@ _NOISE_MEMORY = 30.0
 
 
 @compiled
-def estimate_noise(model: SlipModel, memory: MotionMemory, innovation: Vector) -> None:
+def estimate_noise(model: DriveModel, memory: MotionMemory, innovation: Vector) -> None:
     """Update the variance of the noise by the covariance of consecutive differences.
 
     White noise n of the poses adds n_k - n_{k-1} to a measured displacement, so that consecutive
@@ -46,14 +46,14 @@ def estimate_noise(model: SlipModel, memory: MotionMemory, innovation: Vector) -
 
 
 @compiled
-def _largest_difference(model: SlipModel, variance: float, axis: int) -> float:
+def _largest_difference(model: DriveModel, variance: float, axis: int) -> float:
     """Return the difference of two poses, m or rad, up to which it counts as noise."""
     little = _EXPECTED * axis_unit(model, axis)
     return _LARGEST * sqrt(max(variance, 0.0) + little * little)
 
 
 @compiled
-def noisy_share(model: SlipModel, memory: MotionMemory, axis: int) -> float:
+def noisy_share(model: DriveModel, memory: MotionMemory, axis: int) -> float:
     """Return 0 for exact poses to 1 for noise well above :data:`NOISY`, by the estimated noise."""
     variance = max(memory.noise[1] if axis == 2 else memory.noise[0], 0.0)
     ratio = variance / (NOISY * axis_unit(model, axis)) ** 2
@@ -61,7 +61,7 @@ def noisy_share(model: SlipModel, memory: MotionMemory, axis: int) -> float:
 
 
 @compiled
-def pose_variance(model: SlipModel, memory: MotionMemory, variances: Vector, axis: int) -> float:
+def pose_variance(model: DriveModel, memory: MotionMemory, variances: Vector, axis: int) -> float:
     """Return the variance of a measured displacement, which is estimated if it is not known."""
     variance = variances[axis]
     if variance < 0.0:

@@ -19,7 +19,6 @@ from omnidrive.control.nmpc.holonomic.acceleration_ratio import (
 from omnidrive.control.nmpc.holonomic.disturbance import without_disturbance
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.minimum_time_targets import minimum_time_targets
-from omnidrive.control.nmpc.holonomic.motion import arc_twist
 from omnidrive.control.nmpc.holonomic.motion_memory import (
     DELAY,
     LAG,
@@ -44,13 +43,11 @@ from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.robot_model import (
     RobotModel,
     acceleration_load,
-    drive_model,
     is_plausible,
     saturate,
 )
-from omnidrive.control.nmpc.holonomic.slip_model import (
+from omnidrive.control.nmpc.holonomic.slip_compensation import (
     CORRECTIONS,
-    SlipModel,
     compensate,
     predict_change,
 )
@@ -64,6 +61,7 @@ from omnidrive.estimation.drive_identification import (
     START,
     DriveSample,
 )
+from omnidrive.geometry.arc import arc_twist
 from omnidrive.robot.slip import Vector
 
 _MIN_GAP, _MAX_GAP = 0.5, 5.0
@@ -77,7 +75,7 @@ _MAX_LQR_LOAD = 0.3
 """Share of the limits of acceleration up to which the plan of least squares leads to the target."""
 
 _APPROACH_CORRECTIONS = (3, 2)
-"""As :data:`~.slip_model.CORRECTIONS`, in approaches: there wheels slip, and further
+"""As :data:`~.slip_compensation.CORRECTIONS`, in approaches: there wheels slip, and further
 corrections let them spin without driving the robot more."""
 
 
@@ -165,7 +163,7 @@ def _identify(  # noqa: PLR0917
         variances,
         now.fresh,
     )
-    model, known = drive_model(robot.model), robot.drive
+    model, known = robot.model, robot.drive
     identify(event, model, robot.bounds, known, memory.identified, sample)
     use_drive(memory, memory.identified.state[0].applied)
 
@@ -340,19 +338,10 @@ def command_stage(  # noqa: PLR0917
     desired = _stage_twist(plan, stage, factor, dt)
     following = _stage_twist(plan, min(stage + 1, len(plan.velocities) - 1), factor, dt)
     _, initial, motors = predict_delayed(robot.model, memory, dt)
-    model = robot.model
     noisy = max(memory.noise[0], 0.0) > NOISY * NOISY
-    if model.may_spin and (noisy or (is_late(memory) and not approaches)):
-        model = SlipModel(
-            model.rim_jacobian,
-            model.inertia,
-            model.stiffness,
-            model.max_force,
-            model.max_rim_speed,
-            False,
-        )
+    may_spin = robot.may_spin and not (noisy or (is_late(memory) and not approaches))
     corrections = _APPROACH_CORRECTIONS if approaches else CORRECTIONS
-    effective = compensate(model, desired, initial, dt, corrections)
+    effective = compensate(robot.model, desired, initial, dt, corrections, may_spin)
     mean = without_disturbance(robot.model, memory, effective)
     change = (
         0.5 * (following[0] - desired[0]),

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from math import ceil, exp, inf, sqrt
-from typing import Any, NamedTuple
+from math import ceil, exp
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.robot.slip import Vector
+from omnidrive.robot.drive_model import DriveModel, limited_wrench, slips
+from omnidrive.robot.slip import Vector, accelerate
 
 _STEP = 0.025
 """Largest integration step, s: the input of the slip model is constant within it."""
@@ -24,27 +25,6 @@ _SETTLED = 40.0
 """Number of time constants after which the deviation from the goal is less than rounding."""
 _ROUNDING = 1e-9
 """Share of an integration step by which a step may be longer."""
-
-
-class DriveModel(NamedTuple):
-    """Motion of a robot with slipping wheels under the twist m that its motors follow.
-
-    Displacement s, body twist b and disturbance d, in B; w is the yaw rate::
-
-        f_i = clip(rim_jacobian_i @ (stiffness (m + d - b)), -max_force, max_force)
-        inertia (db/dt + w x b) = rim_jacobian^T f
-
-    The fields are those of :class:`~omnidrive.control.nmpc.holonomic.slip_model.SlipModel`.
-    """
-
-    rim_jacobian: Float[Array, "wheels 3"]
-    """Rim velocities per unit of body twist; 1, 1 and m/rad."""
-    inertia: Float[Array, " 3"]
-    """Mass in kg, twice, and yaw inertia in kg m^2."""
-    stiffness: Float[Array, " 3"]
-    """Force per slip velocity in translation, twice, and in rotation, in N s/m."""
-    max_force: float
-    """Friction limit of a wheel, in N; infinite: no wheel slips."""
 
 
 SENT_COMMAND = np.dtype([("twist", "f8", 3), ("duration", "f8")], align=True)
@@ -70,36 +50,7 @@ first variant at the start."""
 
 
 @compiled
-def unit_of(model: DriveModel, axis: int) -> float:
-    """Return 1, for the yaw axis the inverse radius of gyration, in rad/m."""
-    return sqrt(model.inertia[0] / model.inertia[2]) if axis == 2 else 1.0
-
-
-@compiled
-def inverse_lags(model: DriveModel) -> Vector:
-    """Return the inverse time constants below the friction limit, 1/s."""
-    x, y, yaw = _squares(model.rim_jacobian)
-    stiffness, inertia = model.stiffness, model.inertia
-    fastest = 1.0 / _MIN_LAG
-    return (
-        min(stiffness[0] * x / inertia[0], fastest),
-        min(stiffness[1] * y / inertia[1], fastest),
-        min(stiffness[2] * yaw / inertia[2], fastest),
-    )
-
-
-@compiled
-def _squares(jacobian: Float[Array, "wheels 3"]) -> Vector:
-    x, y, yaw = 0.0, 0.0, 0.0
-    for i in range(len(jacobian)):
-        x += jacobian[i, 0] ** 2
-        y += jacobian[i, 1] ** 2
-        yaw += jacobian[i, 2] ** 2
-    return x, y, yaw
-
-
-@compiled
-def respond(  # noqa: PLR0917
+def respond_variants(  # noqa: PLR0917
     model: DriveModel,
     rates: Vector,
     variants: Any,
@@ -138,10 +89,12 @@ def respond(  # noqa: PLR0917
         end = min(begin + delay, 0.0)
         while end - first > _ROUNDING * dt:
             h = (end - first) / ceil((end - first) / _STEP - _ROUNDING)
-            slips = _slips(model, variants[0], commands[k].twist, h)
-            if slips:
+            motors, _ = _motor_response(variants[0], commands[k].twist, h)
+            bx, by, bw = variants[0].twist
+            is_slipping = slips(model, motors, (bx, by, bw))
+            if is_slipping:
                 h = min(short, end - first)
-            saturation += h * _step(model, rates, variants, commands[k].twist, h, slips)
+            saturation += h * _step(model, rates, variants, commands[k].twist, h, is_slipping)
             first += h
         first = max(first, end)
     for v in variants:
@@ -150,16 +103,6 @@ def respond(  # noqa: PLR0917
         ox, oy, ow = v.disturbance
         _set(v.disturbance, p * ox + q * oy, p * oy - q * ox, ow)
     return saturation / dt
-
-
-@compiled
-def _slips(model: DriveModel, first: Any, command: Float[Array, " 3"], h: float) -> bool:
-    """Return whether a wheel slips at the begin of a step of ``h`` (s) of the first variant."""
-    if model.max_force == inf:  # the stiffness may be infinite, too
-        return False
-    mean, _ = _motor_response(first, command, h)
-    bx, by, bw = first.twist
-    return _peak(model, (mean[0] - bx, mean[1] - by, mean[2] - bw)) >= model.max_force
 
 
 @compiled
@@ -183,7 +126,7 @@ def _step(  # noqa: PLR0917
     variants: Any,
     command: Float[Array, " 3"],
     h: float,
-    slips: bool,
+    is_slipping: bool,
 ) -> float:
     """Continue the motions of all variants by ``h`` (s) with a constant command.
 
@@ -205,15 +148,13 @@ def _step(  # noqa: PLR0917
         cx, cy, cw = mean[0] + bw * by * ix, mean[1] - bw * bx * iy, mean[2]
         ax, ay, aw = cx + qx * (bx - cx), cy + qy * (by - cy), cw + qw * (bw - cw)
         nx, ny, nw = cx + ex * (bx - cx), cy + ey * (by - cy), cw + ew * (bw - cw)
-        if slips:
-            share, fx, fy, fw = _limited_wrench(model, (mean[0] - ax, mean[1] - ay, cw - aw))
-            if share > 0.0:
-                nx = bx + h * (fx / inertia[0] + bw * by)
-                ny = by + h * (fy / inertia[1] - bw * bx)
-                nw = bw + h * fw / inertia[2]
+        if is_slipping:
+            wrench, slipping, _ = limited_wrench(model, mean, (ax, ay, aw))
+            if slipping > 0:
+                nx, ny, nw = accelerate((bx, by, bw), wrench, inertia, h)
                 ax, ay, aw = 0.5 * (bx + nx), 0.5 * (by + ny), 0.5 * (bw + nw)
             if i == 0:
-                saturation = share
+                saturation = slipping / len(model.rim_jacobian)
         # turn by half an angle, move, turn by the other half; by the Cayley transform
         tangent = 0.25 * h * aw
         square = 1.0 / (1.0 + tangent * tangent)
@@ -242,34 +183,6 @@ def _decay(lag: float, h: float) -> tuple[float, float]:
 def _set(vector: Float[Array, " 3"], x: float, y: float, yaw: float) -> None:
     """Set the elements of a vector."""
     vector[0], vector[1], vector[2] = x, y, yaw
-
-
-@compiled
-def _peak(model: DriveModel, slip: Vector) -> float:
-    """Return the largest force of a wheel, N, that a slip velocity calls for."""
-    jacobian, peak = model.rim_jacobian, 0.0
-    fx, fy = model.stiffness[0] * slip[0], model.stiffness[1] * slip[1]
-    fw = model.stiffness[2] * slip[2]
-    for i in range(len(jacobian)):
-        peak = max(peak, abs(jacobian[i, 0] * fx + jacobian[i, 1] * fy + jacobian[i, 2] * fw))
-    return peak
-
-
-@compiled
-def _limited_wrench(model: DriveModel, slip: Vector) -> tuple[float, float, float, float]:
-    """Return the share of slipping wheels, and the wrench of all wheels; N, N, N m."""
-    jacobian, limit = model.rim_jacobian, model.max_force
-    fx, fy = model.stiffness[0] * slip[0], model.stiffness[1] * slip[1]
-    fw = model.stiffness[2] * slip[2]
-    slipping, gx, gy, gw = 0.0, 0.0, 0.0, 0.0
-    for i in range(len(jacobian)):
-        x, y, yaw = jacobian[i, 0], jacobian[i, 1], jacobian[i, 2]
-        force = x * fx + y * fy + yaw * fw
-        if abs(force) >= limit:
-            force = limit if force > 0.0 else -limit
-            slipping += 1.0 / len(jacobian)
-        gx, gy, gw = gx + x * force, gy + y * force, gw + yaw * force
-    return slipping, gx, gy, gw
 
 
 @compiled
