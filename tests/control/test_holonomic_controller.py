@@ -19,7 +19,6 @@ from omnidrive.control.nmpc.holonomic import (
 )
 from omnidrive.control.nmpc.holonomic.acceleration_ratio import reached_share
 from omnidrive.control.nmpc.holonomic.law import OLD_PLAN_STEPS, RAMP_STEPS
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import State
@@ -28,6 +27,8 @@ from omnidrive.geometry import BodyTwist, Pose, move, twist_between, wrap
 from omnidrive.reference import Hold, ShapeReference
 from omnidrive.reference.shapes import Eight
 from omnidrive.robot import Chassis, named_robot
+from omnidrive.robot.drive_model import DriveModel
+from omnidrive.robot.slip_response import slip_response
 from omnidrive.simulation import PlanarPlant, simulate
 from omnidrive.testing.laws import Circle
 
@@ -203,7 +204,7 @@ def test_turn_overshoots_little_with_late_commands(name, overshoot):
     """The plant is the slip model with commands that are one sample later than it tells."""
     robot, dt, target = named_robot(name), 0.1, 0.8
     controller = holonomic_nmpc(robot.chassis, dt, actuation=Actuation.of(robot))
-    model, yaws = SlipModel.of(robot), []
+    model, yaws = DriveModel.of(robot), []
     pose, twist, late = Pose(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     controller.reset(State(0.0, pose))
     for k in range(40):
@@ -220,7 +221,7 @@ def test_step_does_not_overshoot_on_a_slippery_floor(friction):
     """The plant is the slip model with another friction limit, which the controller observes."""
     robot = named_robot("small")
     controller = holonomic_nmpc(robot.chassis, 0.05, actuation=Actuation.of(robot))
-    model = SlipModel.of(robot)
+    model = DriveModel.of(robot)
     model = model._replace(max_force=friction * model.max_force)
     pose, twist, path = Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0), []
     controller.reset(State(0.0, pose))

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at, without_disturbance
-from omnidrive.control.nmpc.holonomic.motion_memory import known_drive, motion_memory, remember
+from omnidrive.control.nmpc.holonomic.motion_memory import motion_memory, remember
 from omnidrive.control.nmpc.holonomic.robot_model import RobotModel
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, slip_response
 from omnidrive.control.nmpc.holonomic.step import Measurement, observe
-from omnidrive.estimation.drive_estimate import DriveSettings
+from omnidrive.estimation.drive_estimate import DriveEstimate, DriveSettings
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot
+from omnidrive.robot.drive_model import DriveModel
+from omnidrive.robot.slip_response import slip_response
 
 DT = 0.05
 SMALL = named_robot("small")
@@ -23,18 +24,18 @@ FIRST = Measurement(nan, (0.0, 0.0, 0.0), UNKNOWN, (-1.0, -1.0, -1.0), True)
 def plant(model):
     return RobotModel(
         model,
+        True,
         SMALL.chassis.jacobian,
         np.empty((0, 3)),
         SMALL.max_wheel_speed,
         1.0,
-        known_drive((1.0, 1.0, 1.0), 0.0, 0.0),
+        DriveEstimate().parameters,
         None,
-        np.array([1.0, 1.0, 1.0, 0.0, 0.0]),
         DriveSettings(),
     )
 
 
-MODELS = [SlipModel.of(SMALL), SlipModel.without_slip(SMALL.chassis, (0.05, 0.02))]
+MODELS = [DriveModel.of(SMALL), DriveModel.without_slip(SMALL.chassis, (0.05, 0.02))]
 
 
 class Robot:

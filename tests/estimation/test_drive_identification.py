@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from omnidrive.control.nmpc.holonomic.actuation import Actuation
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation.drive_estimate import (
+    DRIVE_ESTIMATE,
     DRIVE_UNITS,
     DriveEstimate,
     DriveSettings,
@@ -17,21 +17,18 @@ from omnidrive.estimation.drive_estimate import (
     drive_estimate,
     identified_robot,
     settings_around,
+    write_estimate,
 )
 from omnidrive.estimation.drive_identification import CONTINUE, START, DriveSample, identify
-from omnidrive.estimation.drive_response import DriveModel
 from omnidrive.estimation.identification_state import (
-    _BEGINS,
-    _SHAPES,
-    LAG,
-    DriveMemory,
     command_count,
-    memory_size,
+    identification_memory,
 )
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import ShapeReference
 from omnidrive.reference.shapes import Eight
 from omnidrive.robot import load_robot, named_robot, save_robot
+from omnidrive.robot.drive_model import DriveModel
 from omnidrive.simulation import PlanarPlant
 from omnidrive.simulation.disturbances.disturbances import Disturbances
 
@@ -52,9 +49,8 @@ class Identification:
 
     def __init__(self, robot, dt, known=NOTHING, settings=None):
         self.model, self.dt, self.settings = drive_model(robot), dt, settings or DriveSettings()
-        self.known = np.array([*known.gains, known.lag, known.delay])
-        self.values = np.zeros(memory_size(command_count(known.delay, dt)))
-        self.drive = np.zeros(8)
+        self.known = known._replace(yaw_lag=known.lag).parameters
+        self.memory = identification_memory(command_count(known.delay, dt))
 
     def start(self, pose=REST):
         self._send(START, DriveSample(REST, self.dt, tuple(pose), REST, EXACT, True))
@@ -65,26 +61,28 @@ class Identification:
         self._send(CONTINUE, sample)
 
     def _send(self, event, sample):
-        identify(event, self.model, self.settings, self.known, self.values, sample, self.drive)
+        identify(event, self.model, self.settings, self.known, self.memory, sample)
 
     @property
-    def memory(self):
-        parts = zip(_BEGINS, _BEGINS[1:], _SHAPES, strict=False)
-        arrays = [self.values[begin:end].reshape(shape) for begin, end, shape in parts]
-        return DriveMemory(*arrays, self.values[_BEGINS[-1] :].reshape(-1, 4))
+    def state(self):
+        return self.memory.state[0]
+
+    @property
+    def is_finite(self):
+        return all(np.isfinite(each.view(float)).all() for each in self.memory)
 
     @property
     def found(self):
-        return drive_estimate(self.values)
+        return drive_estimate(self.state["estimate"])
 
     @property
     def applied(self):
-        gains, lag, delay = self.drive[:3], self.drive[3], self.drive[4]
-        return tuple(gains.tolist()), float(lag), float(delay)
+        gains, lag, delay, _ = self.state["applied"].item()
+        return tuple(gains.tolist()), lag, delay
 
 
 def drive_model(robot):
-    return DriveModel(*SlipModel.of(robot)[:4])
+    return DriveModel.of(robot)
 
 
 def eight_commands(dt, duration=20.0):
@@ -126,7 +124,7 @@ def estimates(robot, commands, poses, dt=DT, *, noise=0.0, seed=0, settings=None
     """Memory after every sample, as estimates and as parameters that a controller uses."""
     measured = poses + noise * np.random.default_rng(seed).normal(size=poses.shape)
     run = Identification(robot, dt, settings=settings).start(measured[0].tolist())
-    run.memory.state_covariance[:, :, 0, 0] = noise**2
+    run.state["hypotheses"]["state_covariance"][:, :, 0, 0] = noise**2
     rows = zip(commands.tolist(), measured[1:].tolist(), strict=True)
     for command, pose in rows:
         run.update(command, pose, (noise**2, noise**2, noise**2))
@@ -228,8 +226,8 @@ def test_the_lag_of_an_axis_without_motion_is_not_used():
     run = Identification(robot, DT).start()
     for command, pose in zip(commands, drive(robot, commands, motor_lag=0.02)[1:], strict=True):
         run.update(command.tolist(), pose.tolist())
-    assert run.drive[LAG] == pytest.approx(0.02, abs=0.003)
-    assert run.drive[6] == 0.0
+    assert run.state["applied"]["lag"] == pytest.approx(0.02, abs=0.003)
+    assert run.state["applied"]["yaw_lag"] == 0.0
     assert run.found.yaw_lag_error > 0.01
 
 
@@ -305,7 +303,7 @@ def test_a_moved_robot_and_readings_that_are_not_numbers_do_not_mislead():
         pose = (x + (2.0 if k >= 100 else 0.0), y, np.nan if k % 7 == 3 else yaw)
         twist = (np.inf, 0.0, 0.0) if k == 150 else tuple(command)
         run.update(twist, pose, fresh=k % 5 > 0)
-        assert np.isfinite(run.values).all(), k
+        assert run.is_finite, k
     gains, lag, delay = run.applied
     assert gains == pytest.approx(ONE, abs=0.01)
     assert lag + delay < 0.003
@@ -346,19 +344,23 @@ def test_what_the_motion_did_not_determine_keeps_its_value_in_the_file():
     assert identified_robot(robot, DriveEstimate()) == robot
 
 
-def test_the_memory_in_a_vector_has_the_layout_of_its_fields():
+def test_the_state_starts_with_the_known_drive_and_holds_the_latest_commands():
     run = Identification(named_robot("small"), DT, DriveEstimate((0.9, 1.1, 0.8), 0.02, 0.04))
-    memory = run.start().memory
-    assert memory.delays == pytest.approx([0.04, 0.09, 0.14])
-    assert (memory.parameters == [0.9, 1.1, 0.8, 0.02, 0.0]).all()
-    assert (memory.initial == [0.9, 1.1, 0.8, 0.02, 0.0]).all()
-    run.update([0.1, 0.2, 0.3], REST)
-    assert memory.commands[0].tolist() == [0.1, 0.2, 0.3, DT]
+    state = run.start().state
+    assert state["hypotheses"]["delay"] == pytest.approx([0.04, 0.09, 0.14])
+    assert (state["hypotheses"]["parameters"] == [0.9, 1.1, 0.8, 0.02, 0.0]).all()
+    assert (state["initial"] == [0.9, 1.1, 0.8, 0.02, 0.0]).all()
+    for k, twist in enumerate([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]):
+        run.update(twist, REST, dt=DT + 0.01 * k)
+    commands = run.memory.commands
+    assert commands["twist"][:2].tolist() == [[0.4, 0.5, 0.6], [0.1, 0.2, 0.3]]
+    assert commands["duration"][:2].tolist() == [DT + 0.01, DT]
 
 
 def test_details_have_the_names_of_their_estimates():
-    values = np.arange(13.0)
-    estimate = drive_estimate(values)
+    record, values = np.arange(13.0).view(DRIVE_ESTIMATE)[0], np.zeros(13)
+    estimate = drive_estimate(record)
+    write_estimate(record, values)
     columns = dict(zip(DRIVE_UNITS, values.tolist(), strict=True))
     assert (columns["drive_gain_yaw"], columns["drive_delay"]) == (2.0, 4.0)
     assert columns["drive_yaw_lag"] == estimate.yaw_lag == 5.0
@@ -381,9 +383,9 @@ def test_random_data_leaves_finite_estimates_within_the_bounds(seed):
         variances = tuple((10.0 ** rng.uniform(-14, 2, 3)).tolist())
         dt, fresh = float(10.0 ** rng.uniform(-3, 0)), bool(rng.random() < 0.8)
         run.update(command, pose, variances, fresh=fresh, dt=dt)
-        assert np.isfinite(run.values).all(), seed
+        assert run.is_finite, seed
         assert all(0.7 <= gain <= 1.3 for gain in run.found.gains)
-        assert (np.linalg.eigvalsh(run.memory.covariance) > -1e-12).all()
+        assert (np.linalg.eigvalsh(run.state["hypotheses"]["covariance"]) > -1e-12).all()
 
 
 @pytest.mark.parametrize(

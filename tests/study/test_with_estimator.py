@@ -63,7 +63,7 @@ def test_estimator_reduces_the_errors_of_the_noise_task(fixes, limit, repeats):
 def test_wheels_may_not_spin_with_an_estimator_by_default():
     def may_spin(scenario):
         robot = robot_of(scenario.robot)
-        return make_controller(scenario, robot, "holonomic-nmpc").actuation.slip_model.may_spin
+        return make_controller(scenario, robot, "holonomic-nmpc").actuation.may_spin
 
     assert may_spin(paper_scenario())
     assert not may_spin(with_sensors())

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import hypot
 from types import MappingProxyType
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
+from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput
 from omnidrive.parameter import Bounds, check_bounds
 from omnidrive.robot import Robot
@@ -23,8 +24,12 @@ GAIN_ERROR, LAG_ERROR, YAW_LAG_ERROR = 0.07, 0.07, 0.015
 """Standard deviations of the parameters before the first sample; 1, s, s."""
 _EXCITED = 0.5
 """Share of the initial standard error below which a parameter is excited."""
-VALUES = 13
-"""Number of values of an estimate with its standard errors."""
+
+
+DRIVE_PARAMETERS = np.dtype(
+    [("gains", "f8", 3), ("lag", "f8"), ("delay", "f8"), ("yaw_lag", "f8")], align=True
+)
+"""The first fields of :class:`DriveEstimate`: the response of a drive to commands."""
 
 
 class DriveSettings(NamedTuple):
@@ -60,6 +65,11 @@ class DriveEstimate(NamedTuple):
     yaw_lag_error: float = hypot(LAG_ERROR, YAW_LAG_ERROR)
     sum_error: float = LAG_ERROR
     """Of the sum of lag and delay: smooth motions do not distinguish the two."""
+
+    @property
+    def parameters(self) -> Array:
+        """The parameters without their standard errors: a record of :data:`DRIVE_PARAMETERS`."""
+        return np.array([(self.gains, self.lag, self.delay, self.yaw_lag)], DRIVE_PARAMETERS)
 
     @property
     def excited(self) -> tuple[bool, bool, bool, bool]:
@@ -102,18 +112,39 @@ def check_start(settings: DriveSettings, initial: DriveEstimate) -> None:
             )
 
 
-def drive_estimate(values: Float[Array, " values"]) -> DriveEstimate:
-    """Return the estimates for the chosen delay, and their standard errors.
+DRIVE_ESTIMATE = np.dtype([
+    ("gains", "f8", 3),
+    ("lag", "f8"),
+    ("delay", "f8"),
+    ("yaw_lag", "f8"),
+    ("gain_errors", "f8", 3),
+    ("lag_error", "f8"),
+    ("delay_error", "f8"),
+    ("yaw_lag_error", "f8"),
+    ("sum_error", "f8"),
+], align=True)  # fmt: skip
+"""The fields of :class:`DriveEstimate`."""
 
-    Args:
-        values: Those of :attr:`~.identification_state.DriveMemory.estimate`, with which the memory
-            begins.
-    """
-    x, y, yaw, lag, delay, yaw_lag, *errors = values[:VALUES].tolist()
-    by_x, by_y, by_yaw, by_lag, by_delay, by_yaw_lag, by_sum = errors
-    return DriveEstimate(
-        (x, y, yaw), lag, delay, yaw_lag, (by_x, by_y, by_yaw), by_lag, by_delay, by_yaw_lag, by_sum
+
+def drive_estimate(record: np.void) -> DriveEstimate:
+    """Return the estimate in a record of :data:`DRIVE_ESTIMATE`."""
+    gains, lag, delay, yaw_lag, gain_errors, *errors = (
+        record[name].tolist() for name in DriveEstimate._fields
     )
+    return DriveEstimate(tuple(gains), lag, delay, yaw_lag, tuple(gain_errors), *errors)
+
+
+@compiled
+def write_estimate(record: Any, values: Float[Array, " values"]) -> None:
+    """Write a record of :data:`DRIVE_ESTIMATE` into a row with the columns of the log of a run.
+
+    The columns are those of :data:`DRIVE_UNITS`.
+    """
+    for a in range(3):
+        values[a], values[6 + a] = record.gains[a], record.gain_errors[a]
+    values[3], values[4], values[5] = record.lag, record.delay, record.yaw_lag
+    values[9], values[10] = record.lag_error, record.delay_error
+    values[11], values[12] = record.yaw_lag_error, record.sum_error
 
 
 def logged_drive(details: Mapping[str, Float[Array, " rows"]]) -> DriveEstimate | None:
@@ -125,7 +156,7 @@ def logged_drive(details: Mapping[str, Float[Array, " rows"]]) -> DriveEstimate 
         return None
     table = np.column_stack([details[name] for name in DRIVE_UNITS])
     finite = np.flatnonzero(np.isfinite(table).all(axis=1))
-    return drive_estimate(table[finite[-1]]) if len(finite) else None
+    return drive_estimate(table[finite[-1]].view(DRIVE_ESTIMATE)[0]) if len(finite) else None
 
 
 def identified_robot(robot: Robot, estimate: DriveEstimate) -> Robot:
@@ -158,5 +189,5 @@ DRIVE_UNITS: Mapping[str, str] = MappingProxyType(
         "drive_lag_and_delay_error": "s",
     }
 )
-"""Columns of the log of a run and their units: the values of :func:`drive_estimate`.
+"""Columns of the log of a run and their units: the values of a :data:`DRIVE_ESTIMATE`.
 ``..._error`` are standard errors; the last one is that of the sum of lag and delay."""

@@ -3,7 +3,7 @@
 Model of every axis of B (x, y, yaw): the commanded twist u takes effect after the delay D and, with
 the gain g, through the lag T of the motors; that in yaw is another one. Their twist m, with a
 disturbance d, which is constant in W as the force of a slope is, moves the robot as in
-:class:`~.drive_response.DriveModel`::
+:class:`~omnidrive.robot.drive_model.DriveModel`::
 
     T dm/dt = g u(t - D) - m
 
@@ -31,32 +31,25 @@ larger, all variances are, in proportion: evidence is compared with what no hypo
 
 from __future__ import annotations
 
-from math import cos, isfinite, log, sin, sqrt
-from typing import NamedTuple
+from math import cos, inf, isfinite, log, sin, sqrt
+from typing import Any, NamedTuple
 
-from jaxtyping import Float
-
-from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.estimation.drive_estimate import HYPOTHESES, DriveSettings
 from omnidrive.estimation.drive_prediction import predict
-from omnidrive.estimation.drive_response import DriveModel, inverse_lags, unit_of
 from omnidrive.estimation.identification_state import (
-    LAG,
     PARAMETERS,
-    DriveMemory,
-    Hypothesis,
+    IdentificationMemory,
     apply_parameters,
     forget,
-    hypothesis,
     initialize,
     limit_parameters,
-    memory_in,
     restart,
     restart_hypothesis,
     update_estimate,
 )
 from omnidrive.geometry.kernels import wrap
+from omnidrive.robot.drive_model import DriveModel, axis_unit, inverse_lags
 from omnidrive.robot.slip import Vector
 
 _MIN_VARIANCE = 1e-12
@@ -115,10 +108,9 @@ def identify(  # noqa: PLR0917
     event: int,
     model: DriveModel,
     settings: DriveSettings,
-    known: Float[Array, " 5"],
-    values: Float[Array, " values"],
+    known: Any,
+    memory: IdentificationMemory,
     now: DriveSample,
-    drive: Float[Array, " drive"],
 ) -> None:
     """Update the estimates by one sample.
 
@@ -130,60 +122,58 @@ def identify(  # noqa: PLR0917
             and ``dt`` is the sample time.
         model: Response of the robot to the twist of its motors.
         settings: Bounds and forgetting.
-        known: Gains of x, y and yaw, lag (s) and delay (s) before the first sample.
-        values: The memory, see :func:`~.identification_state.memory_in`; changed in place.
+        known: Parameters before the first sample, a record of
+            :data:`~.drive_estimate.DRIVE_PARAMETERS`.
+        memory: Changed in place.
         now: The sample.
-        drive: Output; what a controller should use: gains, lag in x and y, delay, one value that
-            is left as it is, and the lag in yaw.
     """
-    memory = memory_in(values)
+    state, commands = memory.state[0], memory.commands
     if event == START:
-        initialize(memory, known, now.dt)
+        initialize(state, known[0], now.dt)
     if event in (START, RESTART):
-        restart(memory, now.pose, now.twist)
+        restart(state, commands, now.pose, now.twist)
     elif isfinite(now.command[0] + now.command[1] + now.command[2] + now.dt):
-        _update(model, settings, memory, now, event == CONTINUE)
-    update_estimate(memory)
-    apply_parameters(memory, drive)
+        _update(model, settings, state, commands, now, event == CONTINUE)
+    update_estimate(state)
+    apply_parameters(state)
 
 
 @compiled
-def _update(
+def _update(  # noqa: PLR0917
     model: DriveModel,
     settings: DriveSettings,
-    memory: DriveMemory,
+    state: Any,
+    commands: Any,
     now: DriveSample,
     update_parameters: bool,
 ) -> None:
     """Predict and correct every hypothesis, and choose one; update parameters and delay, too."""
-    commands, dt, pose, variances = memory.commands, now.dt, now.pose, now.variances
+    dt, pose, variances, latest = now.dt, now.pose, now.variances, commands[0]
     for k in range(len(commands) - 1, 0, -1):
-        for j in range(4):
-            commands[k, j] = commands[k - 1, j]
-    commands[0, 0], commands[0, 1], commands[0, 2] = now.command
-    commands[0, 3] = dt
+        commands[k] = commands[k - 1]
+    latest.twist[0], latest.twist[1], latest.twist[2] = now.command
+    latest.duration = dt
     measured = isfinite(pose[0] + pose[1] + pose[2] + variances[0] + variances[1] + variances[2])
     fresh = now.fresh and measured
-    rates, excess = inverse_lags(model), memory.figures[0, 5]
-    for k in range(HYPOTHESES):
-        excess = min(excess, memory.figures[k, 5])
+    rates, excess = inverse_lags(model), inf
+    for h in state.hypotheses:
+        excess = min(excess, h.mean_square)
     scale = max(1.0, _CAUTION * excess)
-    for k in range(HYPOTHESES):
-        h = hypothesis(memory, k)
-        predict(model, rates, h, commands, dt)
+    for h in state.hypotheses:
+        predict(model, rates, h, state.variants, commands, dt)
         if fresh:
-            _correct(model, settings, h, pose, variances, dt, scale, update_parameters)
+            _correct(model, settings, h, state.work, pose, variances, dt, scale, update_parameters)
         if not _size(h) < _LARGEST:
             restart_hypothesis(h, pose if measured else _REST, _REST)
             for a in range(3):
-                h.state_covariance[a, 1, 1] = (unit_of(model, a) * _UNKNOWN_TWIST) ** 2
+                h.state_covariance[a, 1, 1] = (axis_unit(model, a) * _UNKNOWN_TWIST) ** 2
     if fresh and update_parameters:
-        _compare(memory, dt, scale, min(excess, 1.0))
-        _choose(settings, memory)
+        _compare(state.hypotheses, dt, scale, min(excess, 1.0))
+        _choose(settings, state)
 
 
 @compiled
-def _compare(memory: DriveMemory, dt: float, scale: float, unexplained: float) -> None:
+def _compare(hypotheses: Any, dt: float, scale: float, unexplained: float) -> None:
     """Update the likelihoods of the delays by the latest innovations.
 
     The variance that wheel slip adds is that of the hypothesis with most slip: it is an upper
@@ -191,50 +181,48 @@ def _compare(memory: DriveMemory, dt: float, scale: float, unexplained: float) -
     hypothesis explains the slip: one that does so has the right friction.
 
     Args:
-        memory: Changed in place.
+        hypotheses: Changed in place.
         dt: Time since the last sample, s.
         scale: Factor of the variances without slip.
         unexplained: Mean square of the innovations of the best hypothesis over their variance, up
             to 1.
     """
-    innovations, figures = memory.innovations, memory.figures
-    for k in range(HYPOTHESES):
-        figures[k, 4] *= max(1.0 - dt / _LIKELIHOOD_MEMORY, 0.0)
+    for h in hypotheses:
+        h.log_likelihood *= max(1.0 - dt / _LIKELIHOOD_MEMORY, 0.0)
     for a in range(3):
         largest = 0.0
-        for k in range(HYPOTHESES):
-            slips = _SLIP_CAUTION * figures[k, 3]
+        for h in hypotheses:
+            slips = _SLIP_CAUTION * h.saturation
             share = (scale + unexplained * slips) / (scale + slips)
-            largest = max(largest, share * innovations[k, a, 1])
-        for k in range(HYPOTHESES):
-            total = largest + innovations[k, a, 2]
-            square = min(innovations[k, a, 0] ** 2 / total, _LARGEST_EVIDENCE)
-            figures[k, 4] -= 0.5 * (square + log(total / largest))
+            largest = max(largest, share * h.innovation.variance[a])
+        for h in hypotheses:
+            total = largest + h.innovation.by_parameters[a]
+            square = min(h.innovation.value[a] ** 2 / total, _LARGEST_EVIDENCE)
+            h.log_likelihood -= 0.5 * (square + log(total / largest))
 
 
 @compiled
-def _choose(settings: DriveSettings, memory: DriveMemory) -> None:
+def _choose(settings: DriveSettings, state: Any) -> None:
     """Choose the delay that explains the motion far better than the present one, if any does."""
-    scores, chosen = memory.figures[:, 4], int(memory.chosen[0])
-    best = scores[chosen] + _CHANGE
+    best = state.hypotheses[state.chosen].log_likelihood + _CHANGE
     for k in range(HYPOTHESES):
-        if scores[k] > best and memory.delays[k] <= settings.max_delay:
-            chosen, best = k, scores[k]
-    memory.chosen[0] = chosen
+        h = state.hypotheses[k]
+        if h.log_likelihood > best and h.delay <= settings.max_delay:
+            state.chosen, best = k, h.log_likelihood
 
 
 @compiled
-def _size(h: Hypothesis) -> float:
+def _size(h: Any) -> float:
     """Return the sum of the absolute states, covariances and sensitivities; NaN if one is NaN."""
-    size = 0.0
+    size, sens = 0.0, h.sensitivity
     for a in range(3):
+        size += abs(h.motors[a]) + abs(h.twist[a]) + abs(h.disturbance[a])
         for i in range(3):
-            size += abs(h.states[i, a])
             for j in range(3):
                 size += abs(h.state_covariance[a, i, j])
-        for k in range(4):
-            for i in range(PARAMETERS):
-                size += abs(h.sensitivity[k, a, i])
+        for i in range(PARAMETERS):
+            size += abs(sens.displacement[a, i]) + abs(sens.motors[a, i])
+            size += abs(sens.twist[a, i]) + abs(sens.disturbance[a, i])
     return size
 
 
@@ -242,7 +230,8 @@ def _size(h: Hypothesis) -> float:
 def _correct(  # noqa: PLR0917
     model: DriveModel,
     settings: DriveSettings,
-    h: Hypothesis,
+    h: Any,
+    work: Any,
     pose: Vector,
     variances: Vector,
     dt: float,
@@ -258,29 +247,29 @@ def _correct(  # noqa: PLR0917
     if _is_moved(h, innovation):
         _move(h, pose, innovation, variances, dt)
         return
-    change, shift = h.work[0], h.work[1]
+    change, shift = work.change, work.shift
     change[:] = 0.0
     for a in range(3):
         if update_parameters:
-            _correct_parameters(model, h, a, innovation[a], change)
+            _correct_parameters(model, h, work, a, innovation[a])
         shift[a] = _correct_states(h, a, innovation[a], variances[a])
     limit_parameters(settings, h, change)
-    sens, states = h.sensitivity, h.states
+    sens = h.sensitivity
     for a in range(3):
         for i in range(PARAMETERS):
-            shift[a] += sens[0, a, i] * change[i]
-            states[0, a] += sens[1, a, i] * change[i]
-            states[1, a] += sens[2, a, i] * change[i]
-            states[2, a] += sens[3, a, i] * change[i]
+            shift[a] += sens.displacement[a, i] * change[i]
+            h.motors[a] += sens.motors[a, i] * change[i]
+            h.twist[a] += sens.twist[a, i] * change[i]
+            h.disturbance[a] += sens.disturbance[a, i] * change[i]
     h.pose[0] += c * shift[0] - s * shift[1]
     h.pose[1] += s * shift[0] + c * shift[1]
     h.pose[2] += shift[2]
-    forget(settings, h, dt)
+    forget(settings, h, work.old, dt)
 
 
 @compiled
 def _record(  # noqa: PLR0917
-    h: Hypothesis,
+    h: Any,
     innovation: Vector,
     variances: Vector,
     dt: float,
@@ -291,36 +280,34 @@ def _record(  # noqa: PLR0917
 
     What parameters could explain counts as unexplained where they are not corrected.
     """
-    largest = 0.0
+    largest, recorded = 0.0, h.innovation
     for a in range(3):
-        by_parameters = 0.0
+        by_parameters, sens = 0.0, h.sensitivity.displacement[a]
         for i in range(PARAMETERS):
             for j in range(PARAMETERS):
-                sens = h.sensitivity[0, a, i] * h.sensitivity[0, a, j]
-                by_parameters += sens * h.covariance[i, j]
-        h.innovations[a, 0] = innovation[a]
+                by_parameters += sens[i] * sens[j] * h.covariance[i, j]
         known = h.state_covariance[a, 0, 0] + variances[a] + _MIN_VARIANCE
-        h.innovations[a, 1] = (scale + _SLIP_CAUTION * h.figures[3]) * known
-        h.innovations[a, 2] = by_parameters
+        recorded.value[a], recorded.by_parameters[a] = innovation[a], by_parameters
+        recorded.variance[a] = (scale + _SLIP_CAUTION * h.saturation) * known
         largest = max(
             largest, innovation[a] ** 2 / (known + (by_parameters if update_parameters else 0.0))
         )
     share = min(dt / _SCALE_MEMORY, 1.0)
-    h.figures[5] += share * (min(largest, _LARGEST_SQUARE) - h.figures[5])
+    h.mean_square += share * (min(largest, _LARGEST_SQUARE) - h.mean_square)
 
 
 @compiled
-def _is_moved(h: Hypothesis, innovation: Vector) -> bool:
+def _is_moved(h: Any, innovation: Vector) -> bool:
     """Return whether an innovation is one of a robot that was moved by hand or by a collision."""
     moved = False
     for a in range(3):
-        total = h.innovations[a, 1] + h.innovations[a, 2]
+        total = h.innovation.variance[a] + h.innovation.by_parameters[a]
         moved = moved or abs(innovation[a]) > _GATE * sqrt(total)
     return moved
 
 
 @compiled
-def _move(h: Hypothesis, pose: Vector, innovation: Vector, variances: Vector, dt: float) -> None:
+def _move(h: Any, pose: Vector, innovation: Vector, variances: Vector, dt: float) -> None:
     """Continue at a measured pose with an unknown twist."""
     for a in range(3):
         p = h.state_covariance[a]
@@ -329,48 +316,43 @@ def _move(h: Hypothesis, pose: Vector, innovation: Vector, variances: Vector, dt
         p[:, 0] = 0.0
         p[0, 0] = variances[a]
         p[1, 1] += (innovation[a] / dt) ** 2
-        h.sensitivity[0, a, :] = 0.0
+        h.sensitivity.displacement[a, :] = 0.0
 
 
 @compiled
-def _correct_parameters(
-    model: DriveModel,
-    h: Hypothesis,
-    axis: int,
-    innovation: float,
-    change: Float[Array, " parameters"],
-) -> None:
-    """Add the correction of the parameters by the displacement along an axis to ``change``.
+def _correct_parameters(model: DriveModel, h: Any, work: Any, axis: int, innovation: float) -> None:
+    """Add the correction of the parameters by the displacement along an axis to ``work.change``.
 
     The gain of an axis without motion, and of a wrong prediction, is uncertain but not corrected
     (Schmidt's "consider" filter, with the covariance in Joseph's form).
     """
-    cov, sens = h.covariance, h.sensitivity[0, axis]
-    ph, gains = h.work[2], h.work[3]
-    total = h.innovations[axis, 1]
+    cov, sens = h.covariance, h.sensitivity.displacement[axis]
+    change, cross, gains = work.change, work.cross, work.gains
+    total = h.innovation.variance[axis]
     for i in range(PARAMETERS):
-        ph[i], gains[i] = 0.0, 0.0
+        cross[i], gains[i] = 0.0, 0.0
         for j in range(PARAMETERS):
-            ph[i] += cov[i, j] * sens[j]
-        total += sens[i] * ph[i]
+            cross[i] += cov[i, j] * sens[j]
+        total += sens[i] * cross[i]
         innovation -= sens[i] * change[i]
     deviation = sqrt(total)
-    h.figures[axis] = innovation / deviation
     innovation = min(max(innovation, -_BOUND * deviation), _BOUND * deviation)
-    vx, vy, rate = h.states[1, 0], h.states[1, 1], h.states[1, 2]
-    speed = sqrt(vx * vx + vy * vy) + abs(rate) / unit_of(model, 2)
+    vx, vy, rate = h.twist
+    speed = sqrt(vx * vx + vy * vy) + abs(rate) / axis_unit(model, 2)
     for i in range(PARAMETERS):
-        along = abs(h.states[1, i]) / unit_of(model, i) if i < LAG else 0.0
-        if i >= LAG or along > _MIN_SPEED + _MIN_SHARE * speed:
-            gains[i] = ph[i] / total
+        moves = i >= 3  # the lags
+        if not moves:
+            moves = abs(h.twist[i]) / axis_unit(model, i) > _MIN_SPEED + _MIN_SHARE * speed
+        if moves:
+            gains[i] = cross[i] / total
             change[i] += gains[i] * innovation
     for i in range(PARAMETERS):
         for j in range(PARAMETERS):
-            cov[i, j] += gains[i] * gains[j] * total - gains[i] * ph[j] - ph[i] * gains[j]
+            cov[i, j] += gains[i] * gains[j] * total - gains[i] * cross[j] - cross[i] * gains[j]
 
 
 @compiled
-def _correct_states(h: Hypothesis, axis: int, innovation: float, variance: float) -> float:
+def _correct_states(h: Any, axis: int, innovation: float, variance: float) -> float:
     """Correct twist and disturbance of an axis, as if the parameters were known.
 
     Returns:
@@ -380,13 +362,13 @@ def _correct_states(h: Hypothesis, axis: int, innovation: float, variance: float
     total = p[0, 0] + variance + _MIN_VARIANCE
     row = (p[0, 0], p[0, 1], p[0, 2])
     gains = (row[0] / total, row[1] / total, row[2] / total)
-    h.states[1, axis] += gains[1] * innovation
-    h.states[2, axis] += gains[2] * innovation
+    h.twist[axis] += gains[1] * innovation
+    h.disturbance[axis] += gains[2] * innovation
     for i in range(PARAMETERS):
-        by = sens[0, axis, i]
-        sens[0, axis, i] -= gains[0] * by
-        sens[2, axis, i] -= gains[1] * by
-        sens[3, axis, i] -= gains[2] * by
+        by = sens.displacement[axis, i]
+        sens.displacement[axis, i] -= gains[0] * by
+        sens.twist[axis, i] -= gains[1] * by
+        sens.disturbance[axis, i] -= gains[2] * by
     for i in range(3):
         for j in range(3):
             p[i, j] -= gains[i] * row[j]

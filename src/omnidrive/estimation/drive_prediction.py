@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from math import cos, sin, sqrt
+from typing import Any
 
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.estimation.drive_response import (
-    DriveModel,
-    axis_slopes,
-    respond,
-    unit_of,
-)
-from omnidrive.estimation.identification_state import LAG, PARAMETERS, YAW_LAG, Hypothesis
+from omnidrive.estimation.identification_state import PARAMETERS, FilterParameters, named
+from omnidrive.robot.drive_model import DriveModel, axis_unit
+from omnidrive.robot.drive_variants import axis_slopes, respond_variants
 from omnidrive.robot.slip import Vector
 
-_MIN_LAG_STEP, _MIN_GAIN_STEP = 0.005, 1e-6
-"""Least steps of the difference quotients by the lag, s, and by a gain."""
+_MIN_STEPS = FilterParameters(1e-6, 1e-6, 1e-6, 0.005, 0.005)
+"""Least steps of the difference quotients by the parameters."""
+_LAG_SLOPES = FilterParameters(0.0, 0.0, 0.0, 1.0, 0.0)
+"""Derivatives of the lag in x and y by the parameters."""
+_YAW_LAG_SLOPES = FilterParameters(0.0, 0.0, 0.0, 1.0, 1.0)
+"""Likewise of the lag in yaw."""
 _VELOCITY = 0.0005
 """Standard deviation of the velocity that the model does not explain, m/s."""
 _RIPPLE, _TURN_RIPPLE = 0.0008, 0.008
@@ -35,96 +36,86 @@ _DRIFT = 0.0008
 
 
 @compiled
-def _step(h: Hypothesis, parameter: int) -> float:
+def _step(h: Any, parameter: int) -> float:
     """Return the step of the difference quotients by a parameter: its standard error."""
-    least = _MIN_LAG_STEP if parameter >= LAG else _MIN_GAIN_STEP
-    return max(sqrt(h.covariance[parameter, parameter]), least)
+    return max(sqrt(h.covariance[parameter, parameter]), _MIN_STEPS[parameter])
 
 
 @compiled
-def predict(
-    model: DriveModel,
-    rates: Vector,
-    h: Hypothesis,
-    commands: Float[Array, "commands 4"],
-    dt: float,
+def predict(  # noqa: PLR0917
+    model: DriveModel, rates: Vector, h: Any, variants: Any, commands: Any, dt: float
 ) -> None:
     """Predict pose, states, their covariances and their sensitivities over ``dt`` (s).
 
     The rates are the :func:`inverse_lags` of the model. The first variant is the motion for the
     estimates, variant i + 1 that for parameter i larger by a step.
     """
-    motions = h.motions
-    _set_variants(h)
-    saturation = respond(model, rates, motions, h.delay, commands, dt)
-    _predict_covariances(model, rates, h, saturation, dt)
-    x, y, yaw = motions.poses[0]
-    _, _, c, s = motions.headings[0]
+    _set_variants(h, variants)
+    h.saturation = respond_variants(model, rates, variants, h.delay, commands, dt)
+    first, sens = variants[0], h.sensitivity
+    _predict_covariances(model, rates, h, first.twist, dt)
+    x, y, yaw = first.pose
+    c, s = first.heading.cos, first.heading.sin
     for i in range(PARAMETERS):
-        sens, delta = h.sensitivity[:, :, i], _step(h, i)
-        dx = sens[0, 0] + (motions.poses[i + 1, 0] - x) / delta
-        dy = sens[0, 1] + (motions.poses[i + 1, 1] - y) / delta
-        sens[0, 0], sens[0, 1] = c * dx + s * dy, c * dy - s * dx
-        sens[0, 2] = (motions.poses[i + 1, 2] - yaw) / delta
+        v, delta = variants[i + 1], _step(h, i)
+        moved = sens.displacement
+        dx, dy = moved[0, i] + (v.pose[0] - x) / delta, moved[1, i] + (v.pose[1] - y) / delta
+        moved[0, i], moved[1, i] = c * dx + s * dy, c * dy - s * dx
+        moved[2, i] = (v.pose[2] - yaw) / delta
         for a in range(3):
-            sens[1, a] = (motions.motors[i + 1, a] - motions.motors[0, a]) / delta
-            sens[2, a] = (motions.twists[i + 1, a] - motions.twists[0, a]) / delta
-            sens[3, a] = (motions.disturbances[i + 1, a] - motions.disturbances[0, a]) / delta
+            sens.motors[a, i] = (v.motors[a] - first.motors[a]) / delta
+            sens.twist[a, i] = (v.twist[a] - first.twist[a]) / delta
+            sens.disturbance[a, i] = (v.disturbance[a] - first.disturbance[a]) / delta
     pose = h.pose
     c, s = cos(pose[2]), sin(pose[2])
     pose[0] += c * x - s * y
     pose[1] += s * x + c * y
     pose[2] += yaw
     for a in range(3):
-        h.states[0, a] = motions.motors[0, a]
-        h.states[1, a] = motions.twists[0, a]
-        h.states[2, a] = motions.disturbances[0, a]
-    h.figures[3] = saturation
+        h.motors[a], h.twist[a] = first.motors[a], first.twist[a]
+        h.disturbance[a] = first.disturbance[a]
 
 
 @compiled
-def _set_variants(h: Hypothesis) -> None:
+def _set_variants(h: Any, variants: Any) -> None:
     """Set drives and initial motions of all variants."""
-    motions, states, sens, p = h.motions, h.states, h.sensitivity, h.parameters
-    for k in range(len(motions.drives)):
-        i, delta, drive = max(k - 1, 0), 0.0, motions.drives[k]
-        for j in range(LAG + 1):
-            drive[j] = p[j]
-        drive[YAW_LAG] = p[LAG] + p[YAW_LAG]
-        if k > 0:
-            delta = _step(h, i)
-            drive[i] += delta
-            if i == LAG:
-                drive[YAW_LAG] += delta
+    p, sens = named(h.parameters), h.sensitivity
+    for k in range(len(variants)):
+        v, i = variants[k], max(k - 1, 0)
+        delta = _step(h, i) if k > 0 else 0.0
         for a in range(3):
-            motions.poses[k, a] = 0.0
-            motions.motors[k, a] = states[0, a] + delta * sens[1, a, i]
-            motions.twists[k, a] = states[1, a] + delta * sens[2, a, i]
-            motions.disturbances[k, a] = states[2, a] + delta * sens[3, a, i]
-        turn = delta * sens[0, 2, i]
-        motions.poses[k, 2] = turn
-        motions.headings[k, 0] = motions.headings[k, 2] = cos(turn)
-        motions.headings[k, 1] = motions.headings[k, 3] = sin(turn)
+            v.gains[a] = p[a] + delta if i == a else p[a]
+        v.lag = p.lag + _LAG_SLOPES[i] * delta
+        v.yaw_lag = p.lag + p.excess + _YAW_LAG_SLOPES[i] * delta
+        for a in range(3):
+            v.pose[a] = 0.0
+            v.motors[a] = h.motors[a] + delta * sens.motors[a, i]
+            v.twist[a] = h.twist[a] + delta * sens.twist[a, i]
+            v.disturbance[a] = h.disturbance[a] + delta * sens.disturbance[a, i]
+        turn = delta * sens.displacement[2, i]
+        v.pose[2] = turn
+        v.start.cos = v.heading.cos = cos(turn)
+        v.start.sin = v.heading.sin = sin(turn)
 
 
 @compiled
 def _predict_covariances(
-    model: DriveModel, rates: Vector, h: Hypothesis, saturation: float, dt: float
+    model: DriveModel, rates: Vector, h: Any, twist: Float[Array, " 3"], dt: float
 ) -> None:
-    """Predict the covariance of the states of every axis.
+    """Predict the covariance of the states of every axis, for a body twist at the end.
 
     An acceleration that changes within the sample, with the variance q over the sample, adds
     q dt^2 / 3, q dt / 2 and q to the variance of displacement and twist. One that is constant in
     the sample would add q dt^2 / 4: exact poses would then make the estimated twist oscillate.
     """
-    bx, by, bw = h.motions.twists[0]
-    turning = abs(bw) / unit_of(model, 2)
+    (bx, by, bw), saturation = twist, h.saturation
+    turning = abs(bw) / axis_unit(model, 2)
     velocity = _VELOCITY + _RIPPLE * sqrt(bx * bx + by * by) + _TURN_RIPPLE * turning
     time = sqrt(dt * _RIPPLE_TIME)
     acceleration = _ACCELERATION + _SLIP_ACCELERATION * saturation
     slipping = _SLIP_ACCELERATION * saturation * time
     for a in range(3):
-        p, unit = h.state_covariance[a], unit_of(model, a)
+        p, unit = h.state_covariance[a], axis_unit(model, a)
         m, n, f, g = axis_slopes(rates[a], saturation, dt)
         # F P F^T with F = [[1, m, n], [0, f, g], [0, 0, 1]], from the columns of F P
         pp, pb, pd, bb, bd, dd = p[0, 0], p[0, 1], p[0, 2], p[1, 1], p[1, 2], p[2, 2]

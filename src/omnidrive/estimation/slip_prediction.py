@@ -10,7 +10,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.estimation.motion_model import MotionModel, Odometry
-from omnidrive.robot.slip import slip_velocity
+from omnidrive.robot.slip import friction_limit, slip_velocity
 
 _STEP = 1e-3
 """Integration step, s; well below the time constant with which a robot follows its wheels."""
@@ -44,7 +44,7 @@ def predict_slip(
     steps = ceil(odometry.duration / _STEP)
     h = odometry.duration / steps
     forces, limits = np.zeros(wheels), np.zeros(wheels)
-    twist, (fx, fy, _) = (last[0], last[1], last[2]), (0.0, 0.0, 0.0)
+    twist, wrench = (last[0], last[1], last[2]), (0.0, 0.0, 0.0)
     for _ in range(steps):
         for i in range(wheels):
             if isfinite(odometry.displacements[i]):
@@ -52,16 +52,11 @@ def predict_slip(
                 for a in range(3):
                     slip_speed -= model.rim_jacobian[i, a] * twist[a]
                 slip[i] += slip_speed * h
-                friction = (
-                    model.friction_limits[i]
-                    + model.load_transfer[i, 0] * fx
-                    + model.load_transfer[i, 1] * fy
-                )
                 forces[i] = model.stiffness * slip_speed
-                limits[i] = min(max(friction, 0.0), model.motor_limit)
-        twist, (fx, fy, _) = slip_velocity(
-            twist, forces, limits, model.rim_jacobian, model.inertia, h
-        )
+                limits[i] = friction_limit(
+                    model.friction_limits[i], model.load_transfer[i], wrench, model.motor_limit
+                )
+        twist, wrench = slip_velocity(twist, forces, limits, model.rim_jacobian, model.inertia, h)
         for a in range(3):
             mean[a] += twist[a] / steps
     last[0], last[1], last[2] = twist

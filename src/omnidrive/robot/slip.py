@@ -11,6 +11,37 @@ Vector = tuple[float, float, float]
 
 
 @compiled
+def accelerate(velocity: Vector, wrench: Vector, inertia: Float[Array, " 3"], dt: float) -> Vector:
+    """Return the body twist after one explicit Euler step of ``inertia (db/dt + w x b) = wrench``.
+
+    Args:
+        velocity: b, of yaw rate w, in m/s, m/s and rad/s.
+        wrench: On the robot, in N, N and N m, in B.
+        inertia: Mass, mass and yaw inertia, in kg, kg and kg m^2.
+        dt: Length of the step, in s.
+    """
+    (vx, vy, w), (fx, fy, torque) = velocity, wrench
+    ax, ay = fx / inertia[0] + w * vy, fy / inertia[1] - w * vx
+    return vx + dt * ax, vy + dt * ay, w + dt * torque / inertia[2]
+
+
+@compiled
+def friction_limit(
+    at_rest: float, load_transfer: Float[Array, " 2"], force: Vector, motor_limit: float
+) -> float:
+    """Return the largest force of a wheel, in N: of friction under its load, or of its motor.
+
+    Args:
+        at_rest: Limit of friction of a robot at rest, in N.
+        load_transfer: Change of this limit per force along x and y of B, in N/N.
+        force: Of the wheels on the robot, in N, N and N m: acceleration shifts the load.
+        motor_limit: Largest force of the motor at the rim, in N.
+    """
+    friction = at_rest + load_transfer[0] * force[0] + load_transfer[1] * force[1]
+    return float(min(max(friction, 0.0), motor_limit))
+
+
+@compiled
 def slip_velocity(  # noqa: PLR0917
     velocity: Vector,
     forces: Float[Array, " wheels"],
@@ -46,6 +77,5 @@ def slip_velocity(  # noqa: PLR0917
         force = min(max(forces[i], -limits[i]), limits[i])
         fx, fy = fx + rim_jacobian[i, 0] * force, fy + rim_jacobian[i, 1] * force
         torque += rim_jacobian[i, 2] * force
-    vx, vy, w = velocity
-    ax, ay = fx / inertia[0] + w * vy, fy / inertia[1] - w * vx
-    return (vx + dt * ax, vy + dt * ay, w + dt * torque / inertia[2]), (fx, fy, torque)
+    wrench = (fx, fy, torque)
+    return accelerate(velocity, wrench, inertia, dt), wrench

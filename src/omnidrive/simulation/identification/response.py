@@ -10,6 +10,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.robot import Robot
+from omnidrive.robot.slip import Vector, friction_limit, slip_velocity
 
 _STEP = 0.001  # s; longest integration step
 
@@ -28,7 +29,7 @@ def response(
 
     The body twist b, of yaw rate w, follows the delayed command c with first-order lags,
     ``db/dt = (c - b) / lag - coupling w x b``. With friction, the forces of the wheels that this
-    takes are limited as in :class:`~omnidrive.control.nmpc.holonomic.slip_model.SlipModel`, to the
+    takes are limited as in :class:`~omnidrive.robot.drive_model.DriveModel`, to the
     friction coefficient times the load, which shifts against the acceleration.
 
     Args:
@@ -88,7 +89,7 @@ def _respond(  # noqa: PLR0917
 ) -> None:
     squares = (rim_jacobian**2).sum(axis=0)
     b, change, before, after = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
-    force = np.zeros(2)  # of the floor on the robot in the previous step, N
+    wheels, wrench = np.zeros((2, len(rim_jacobian))), (0.0, 0.0, 0.0)
     at = -1  # interval of the command that acts
     for k in range(len(t) - 1):
         steps = max(ceil((t[k + 1] - t[k]) / _STEP - 1e-9), 1)
@@ -100,14 +101,19 @@ def _respond(  # noqa: PLR0917
             at = _integral(t, commands, integral, time + h, at, after)
             for i in range(3):
                 change[i] = ((after[i] - before[i]) / h - b[i]) * (1.0 - exp(-h / lags[i]))
-            slipped = slips and _limit(
-                change, h, rim_jacobian, inertia, squares, limits, transfer, motor, force
+            slipped = slips and _wheel_forces(
+                change, h, rim_jacobian, inertia, squares, limits, transfer, motor, wrench, wheels
             )
             vx, vy, rate = b[0], b[1], b[2]
-            w = rate if slipped else coupling * rate
-            b[0] += change[0] + h * w * vy
-            b[1] += change[1] - h * w * vx
-            b[2] += change[2]
+            if slipped:
+                (b[0], b[1], b[2]), wrench = slip_velocity(
+                    (vx, vy, rate), wheels[0], wheels[1], rim_jacobian, inertia, h
+                )
+            else:
+                b[0] += change[0] + h * coupling * rate * vy
+                b[1] += change[1] - h * coupling * rate * vx
+                b[2] += change[2]
+                wrench = (inertia[0] * change[0] / h, inertia[1] * change[1] / h, 0.0)
             middle = turn + 0.25 * h * (rate + b[2])
             mx, my = 0.5 * h * (vx + b[0]), 0.5 * h * (vy + b[1])
             moves[k, 0] += cos(middle) * mx - sin(middle) * my
@@ -139,7 +145,7 @@ def _integral(  # noqa: PLR0917
 
 
 @compiled
-def _limit(  # noqa: PLR0917
+def _wheel_forces(  # noqa: PLR0917
     change: Float[Array, " 3"],
     h: float,
     rim_jacobian: Float[Array, "wheels 3"],
@@ -148,31 +154,19 @@ def _limit(  # noqa: PLR0917
     limits: Float[Array, " wheels"],
     transfer: Float[Array, "wheels 2"],
     motor: float,
-    force: Float[Array, " 2"],
+    wrench: Vector,
+    wheels: Float[Array, "2 wheels"],
 ) -> bool:
-    """Limit a change of twist in one step to what the wheels can transmit; update ``force``.
+    """Set the force of every wheel that a change of twist in one step needs, and its limit.
 
     Returns:
         Whether a wheel slips or its motor saturates.
     """
-    x, y, yaw = 0.0, 0.0, 0.0
-    slips = False
+    forces, allowed, slips = wheels[0], wheels[1], False
     for i in range(len(rim_jacobian)):
-        desired = 0.0
+        forces[i] = 0.0
         for k in range(3):
-            desired += rim_jacobian[i, k] * inertia[k] * change[k] / (h * squares[k])
-        limit = limits[i] + transfer[i, 0] * force[0] + transfer[i, 1] * force[1]
-        limit = min(max(limit, 0.0), motor)
-        slips = slips or abs(desired) > limit
-        desired = min(max(desired, -limit), limit)
-        x += rim_jacobian[i, 0] * desired
-        y += rim_jacobian[i, 1] * desired
-        yaw += rim_jacobian[i, 2] * desired
-    if slips:
-        change[0], change[1], change[2] = (
-            h * x / inertia[0],
-            h * y / inertia[1],
-            h * yaw / inertia[2],
-        )
-    force[0], force[1] = inertia[0] * change[0] / h, inertia[1] * change[1] / h
+            forces[i] += rim_jacobian[i, k] * inertia[k] * change[k] / (h * squares[k])
+        allowed[i] = friction_limit(limits[i], transfer[i], wrench, motor)
+        slips = slips or abs(forces[i]) > allowed[i]
     return slips

@@ -8,7 +8,6 @@ from .limits import rate_limits, speed_limits, stack_limits
 from .motion_memory import ObservedMotion
 from .parameters import HolonomicParameters
 from .problem import HolonomicProblem, KeepOutArrays, Limits
-from .slip_model import SlipModel
 from .solution import HolonomicOptimizer, HolonomicSolution
 from .solver import HolonomicSolver, HolonomicSolverSettings
 
@@ -27,7 +26,6 @@ __all__ = [
     "KeepOutZone",
     "Limits",
     "ObservedMotion",
-    "SlipModel",
     "holonomic_nmpc",
     "rate_limits",
     "speed_limits",

@@ -11,7 +11,7 @@ from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
 from omnidrive.control.nmpc.holonomic.pose_noise import position_variance
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.robot.drive_model import DriveModel
 from omnidrive.robot.slip import Vector
 
 _ASSUMED, _MIN = 0.7, 0.3
@@ -56,7 +56,7 @@ def is_late(state: Any) -> bool:
 
 @compiled
 def update_reached(  # noqa: PLR0917
-    model: SlipModel,
+    model: DriveModel,
     faces: Float[Array, "faces 3"],
     state: Any,
     pose: Vector,

@@ -11,11 +11,11 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.control.nmpc.holonomic.limits import rate_limits, speed_limits, stack_limits
 from omnidrive.control.nmpc.holonomic.problem import Limits
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation.drive_estimate import DriveEstimate
 from omnidrive.robot import Chassis, Robot
+from omnidrive.robot.drive_model import DriveModel
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -37,6 +37,7 @@ class Actuation:
         motor_lag: Time constant in s with which the motors follow the command, in addition to that
             of ``slip_model``.
         traction: Share of the wheels' friction that ``acceleration_faces`` uses.
+        may_spin: Whether wheels may spin where the robot cannot follow the plan.
 
     Raises:
         InvalidInput: A lag or the delay is negative or not finite.
@@ -44,11 +45,12 @@ class Actuation:
 
     acceleration_faces: Float[Array, "rows 3"] | None = None
     lag: tuple[float, float] = (0.0, 0.0)
-    slip_model: SlipModel | None = None
+    slip_model: DriveModel | None = None
     delay: float = 0.0
     traction: float = 1.0
     drive_gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
     motor_lag: float = 0.0
+    may_spin: bool = True
 
     def __post_init__(self) -> None:
         lags = (("lag", self.lag[0]), ("lag", self.lag[1]), ("motor lag", self.motor_lag))
@@ -62,8 +64,9 @@ class Actuation:
     ) -> Actuation:
         """Return the model of a robot whose plans use a share of the wheels' friction.
 
-        Without spinning wheels, see :attr:`SlipModel.may_spin`, a start at full acceleration costs
-        centimetres of odometry instead of decimetres, but the tracking error is larger.
+        Without spinning wheels, see :func:`~.slip_compensation.compensate`, a start at full
+        acceleration costs centimetres of odometry instead of decimetres, but the tracking error is
+        larger.
 
         Args:
             robot: With the lags that :func:`omnidrive.simulation.identify_lag` finds.
@@ -76,7 +79,7 @@ class Actuation:
         """
         if not 0.0 < traction < inf:
             raise InvalidInput(f"the traction must be positive, got {traction:g}")
-        slip_model = SlipModel.of(robot, may_spin=may_spin)
+        slip_model = DriveModel.of(robot)
         return cls(
             robot.acceleration_faces / traction,
             robot.lag,
@@ -85,6 +88,7 @@ class Actuation:
             traction,
             robot.drive_gain,
             robot.motor_lag,
+            may_spin,
         )
 
     def with_reduced_drive(self, drive: ReducedDrive) -> Actuation:

@@ -43,12 +43,10 @@ from omnidrive.control.nmpc.holonomic.law import (
 )
 from omnidrive.control.nmpc.holonomic.motion_memory import (
     ObservedMotion,
-    known_drive,
     observed_motion,
 )
 from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
-from omnidrive.control.nmpc.holonomic.robot_model import RobotModel, drive_model
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.control.nmpc.holonomic.robot_model import RobotModel
 from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, HolonomicSolution
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSolverSettings
 from omnidrive.control.preparation import run_once
@@ -65,10 +63,11 @@ from omnidrive.estimation.drive_estimate import (
     drive_estimate,
 )
 from omnidrive.estimation.drive_identification import START, DriveSample, identify
-from omnidrive.estimation.identification_state import command_count, memory_size
+from omnidrive.estimation.identification_state import command_count, identification_memory
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
 from omnidrive.robot import Chassis
+from omnidrive.robot.drive_model import DriveModel
 
 _LARGEST = 1e6
 """Largest speed (m/s, rad/s) and variance (m^2, rad^2) of a state that is not a fault."""
@@ -143,19 +142,19 @@ class HolonomicController(GuardedController):
         model = actuation.slip_model
         faces = actuation.acceleration_faces
         if model is None:
-            model = SlipModel.without_slip(self.chassis, actuation.lag)
+            model = DriveModel.without_slip(self.chassis, actuation.lag)
         commands = command_count(actuation.delay, self.dt)
-        values = 0 if self.adaptation is None else memory_size(commands)
-        self._memory = law_memory(stages, len(limits.bounds), commands, values)
+        identified = identification_memory(0 if self.adaptation is None else commands)
+        self._memory = law_memory(stages, len(limits.bounds), commands, identified)
         robot = RobotModel(
             model,
+            actuation.may_spin,
             np.ascontiguousarray(self.chassis.jacobian, dtype=float),
             np.empty((0, 3)) if faces is None else np.ascontiguousarray(faces, dtype=float),
             float(self.chassis.max_wheel_speed),
             actuation.reserve,
-            known_drive(actuation.drive_gain, actuation.motor_lag, actuation.delay),
+            actuation.drive.parameters,
             self._identify(model),
-            np.array([*actuation.drive_gain, actuation.motor_lag, actuation.delay]),
             self.adaptation or DriveSettings(),
         )
         self._data = LawData(
@@ -173,17 +172,16 @@ class HolonomicController(GuardedController):
         self._outputs = np.zeros(3), np.zeros(len(self.detail_units))
         self._window = self._new_window()
 
-    def _identify(self, model: SlipModel) -> CompiledFunction | None:
+    def _identify(self, model: DriveModel) -> CompiledFunction | None:
         """Return the identification of the drive as machine code; None: there is none."""
-        settings, robot = self.adaptation, drive_model(model)
+        settings = self.adaptation
         if settings is None:
             return None
-        known, motion = self.actuation.drive, self._memory.motion
+        known, memory = self.actuation.drive, self._memory.motion.identified
         check_start(settings, known)
         zero = (0.0, 0.0, 0.0)
         sample = DriveSample(zero, 0.0, zero, zero, zero, False)
-        applied, values = motion.applied, motion.identified
-        return CompiledFunction(identify, START, robot, settings, applied, values, sample, applied)
+        return CompiledFunction(identify, START, model, settings, known.parameters, memory, sample)
 
     def _new_window(self) -> ReferenceWindow:
         """Return a window that also covers the longest delay that can be identified."""
@@ -229,7 +227,7 @@ class HolonomicController(GuardedController):
         """Identified gains, lag and delay of the drive at the last step."""
         if self.adaptation is None or not self._memory.last["started"][0]:
             return self.actuation.drive
-        return drive_estimate(self._memory.motion.identified)
+        return drive_estimate(self._memory.motion.identified.state["estimate"][0])
 
     @property
     def motion(self) -> ObservedMotion:

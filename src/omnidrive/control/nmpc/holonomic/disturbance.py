@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.motion_memory import axis_unit
 from omnidrive.control.nmpc.holonomic.pose_noise import noisy_share
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.robot.drive_model import DriveModel, axis_unit
 from omnidrive.robot.slip import Vector
 
 _USUAL_SPEED = 0.5
@@ -17,7 +16,7 @@ _MIN_GAIN = 0.5
 
 
 @compiled
-def disturbance_at(model: SlipModel, state: Any, command: Vector) -> Vector:
+def disturbance_at(model: DriveModel, state: Any, command: Vector) -> Vector:
     """Return the estimated disturbance with a commanded twist; m/s, m/s, rad/s."""
     disturbance = state.disturbance
     return (
@@ -28,7 +27,7 @@ def disturbance_at(model: SlipModel, state: Any, command: Vector) -> Vector:
 
 
 @compiled
-def without_disturbance(model: SlipModel, state: Any, twist: Vector) -> Vector:
+def without_disturbance(model: DriveModel, state: Any, twist: Vector) -> Vector:
     """Return the commanded twist that has the effect of a twist in spite of the disturbance."""
     return (
         _without(model, state, twist[0], 0),
@@ -38,7 +37,7 @@ def without_disturbance(model: SlipModel, state: Any, twist: Vector) -> Vector:
 
 
 @compiled
-def _without(model: SlipModel, state: Any, component: float, axis: int) -> float:
+def _without(model: DriveModel, state: Any, component: float, axis: int) -> float:
     """Return the component of :func:`without_disturbance` in an axis."""
     share, disturbance = noisy_share(model, state, axis), state.disturbance[axis]
     gain = 1.0 + share * disturbance / (_USUAL_SPEED * axis_unit(model, axis))
@@ -46,7 +45,7 @@ def _without(model: SlipModel, state: Any, component: float, axis: int) -> float
 
 
 @compiled
-def disturbance_scale(model: SlipModel, state: Any, command: float, axis: int) -> float:
+def disturbance_scale(model: DriveModel, state: Any, command: float, axis: int) -> float:
     """Return the disturbance of an axis at a commanded component, as a multiple of its state.
 
     Where poses are noisy the disturbance is an error of gain, in proportion to the command. A

@@ -29,6 +29,8 @@ from omnidrive.control.nmpc.holonomic.step import (
     observe,
     solve_problem,
 )
+from omnidrive.estimation.drive_estimate import write_estimate
+from omnidrive.estimation.identification_state import IdentificationMemory
 
 OLD_PLAN_STEPS, RAMP_STEPS = 3, 5
 """Without a new plan: number of steps that follow the latest plan at its full speed, and number of
@@ -96,10 +98,12 @@ class LawMemory(NamedTuple):
     """The last step, a record of :data:`STEP`."""
 
 
-def law_memory(stages: int, rows: int, commands: int, identified: int = 0) -> LawMemory:
+def law_memory(
+    stages: int, rows: int, commands: int, identified: IdentificationMemory | None = None
+) -> LawMemory:
     """Return the memory for plans of a number of stages, with ``rows`` limits in each.
 
-    ``commands`` is the number of commands to remember, ``identified`` that of the values of the
+    ``commands`` is the number of commands to remember, ``identified`` the memory of the
     identification of the drive.
     """
     points, figures = stages + 1, np.zeros(1, FIGURES)
@@ -230,8 +234,8 @@ def finish(  # noqa: PLR0917
     for a in range(3):
         command[a], details[3 + a] = twist[a], disturbance[a]
     details[6], details[7] = sqrt(position_variance(motion.state[0])), delay
-    for k in range(8, len(details)):
-        details[k] = motion.identified[k - 8]
+    if len(details) > 8:
+        write_estimate(motion.identified.state[0].estimate, details[8:])
     return status
 
 

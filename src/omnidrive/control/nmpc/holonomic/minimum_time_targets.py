@@ -57,7 +57,7 @@ def minimum_time_targets(  # noqa: PLR0917
         max_wheel_speed: In rad/s.
         dt: In s.
         lead: Time in s by which targets are ahead, because a change of the twist begins with the
-            next command; see :func:`~.slip_model.predict_change`.
+            next command; see :func:`~.slip_compensation.predict_change`.
         reserve: Largest acceleration over those limits, at least 1.
         reached: Share of the acceleration that the robot reaches, 0 to 1; braking, and the ratio of
             speed to distance, are reduced by it.

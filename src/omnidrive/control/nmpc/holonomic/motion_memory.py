@@ -2,28 +2,17 @@
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.compiled import compiled
+from omnidrive.estimation.drive_estimate import DRIVE_PARAMETERS
+from omnidrive.estimation.identification_state import IdentificationMemory, identification_memory
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot.slip import Vector
-
-DRIVE = np.dtype([
-    ("gains", "f8", 3),
-    ("lag", "f8"),
-    ("delay", "f8"),
-    ("lead", "f8"),
-    ("yaw_lag", "f8"),
-    ("yaw_lead", "f8"),
-], align=True)  # fmt: skip
-"""Gains along x, y and yaw, lag of the motors in x and y (s), delay of the commands (s), the part
-of the lag that commands compensate (s); and the lag and this part in yaw."""
 
 NOISE = np.dtype([
     ("position_variance", "f8"),
@@ -48,7 +37,9 @@ MOTION = np.dtype([
     ("disturbance", "f8", 3),
     ("covariance", "f8", (3, 3, 3)),
     ("motors", "f8", 3),
-    ("drive", DRIVE),
+    ("drive", DRIVE_PARAMETERS),
+    ("lead", "f8"),
+    ("yaw_lead", "f8"),
     ("noise", NOISE),
     ("response", RESPONSE),
     ("jump", "f8", 3),
@@ -64,6 +55,8 @@ twist, disturbance).
 - ``covariance``: of every axis, in m^2 and so on, of the yaw axis in rad^2 and so on; the coupling
   between axes is neglected.
 - ``motors``: twist that the motors follow: the commanded one with gains, delay and lag.
+- ``drive``: known or identified parameters of the drive.
+- ``lead``, ``yaw_lead``: parts of the lags that commands compensate, s.
 - ``jump``: last displacement along the axes of a robot that was moved, otherwise 0; m, m, rad.
 - ``slip_time``: for how long wheels have slipped up to now, s.
 """
@@ -89,11 +82,8 @@ class MotionMemory(NamedTuple):
     """The estimates, one record of :data:`MOTION`."""
     commands: Float[Array, "commands 3"]
     """Commanded twists, the latest one first: one more than take effect later."""
-    identified: Float[Array, " values"]
-    """State of the identification of the drive, see
-    :func:`~omnidrive.estimation.identification_state.memory_in`; empty without identification."""
-    applied: Float[Array, " 7"]
-    """Output of the identification, which :func:`apply_identified` copies."""
+    identified: IdentificationMemory
+    """State of the identification of the drive; empty without identification."""
 
 
 def observed_motion(memory: MotionMemory) -> ObservedMotion:
@@ -106,24 +96,11 @@ def observed_motion(memory: MotionMemory) -> ObservedMotion:
     )
 
 
-def motion_memory(commands: int, identified: int = 0) -> MotionMemory:
-    """Return the memory for a number of commands, and of values of the identification."""
+def motion_memory(commands: int, identified: IdentificationMemory | None = None) -> MotionMemory:
+    """Return the memory for a number of commands, with that of the identification."""
     return MotionMemory(
-        np.zeros(1, MOTION), np.zeros((commands, 3)), np.zeros(identified), np.zeros(7)
+        np.zeros(1, MOTION), np.zeros((commands, 3)), identified or identification_memory(0)
     )
-
-
-def known_drive(gains: Vector, lag: float, delay: float) -> Array:
-    """Return a record of :data:`DRIVE`, without lead; the lag (s) in yaw is that in x and y."""
-    return np.array([(gains, lag, delay, 0.0, lag, 0.0)], DRIVE)
-
-
-@inlined
-def apply_identified(applied: Float[Array, " 7"], drive: Any) -> None:
-    """Set gains, lag (s), delay (s) and lag in yaw (s) to those that the identification gives."""
-    for a in range(3):
-        drive.gains[a] = applied[a]
-    drive.lag, drive.delay, drive.yaw_lag = applied[3], applied[4], applied[6]
 
 
 @compiled
@@ -150,9 +127,3 @@ def remember(memory: MotionMemory, command: Vector) -> None:
             memory.commands[k, a] = memory.commands[k - 1, a]
     for a in range(3):
         memory.commands[0, a] = command[a]
-
-
-@compiled
-def axis_unit(model: SlipModel, axis: int) -> float:
-    """Return 1, for the yaw axis the inverse radius of gyration, in rad/m."""
-    return sqrt(model.inertia[0] / model.inertia[2]) if axis == 2 else 1.0

@@ -12,17 +12,18 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.unwrap import wrap_angle
 from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at, disturbance_scale
-from omnidrive.control.nmpc.holonomic.lag_response import MIN_LAG, mean_decay
 from omnidrive.control.nmpc.holonomic.motion import arc_velocity
-from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory, axis_unit
+from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory
 from omnidrive.control.nmpc.holonomic.pose_noise import (
     estimate_noise,
     noisy_share,
     pose_variance,
     position_variance,
 )
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel, respond, slip_response
+from omnidrive.robot.drive_model import DriveModel, axis_unit
+from omnidrive.robot.lag_response import MIN_LAG, mean_decay
 from omnidrive.robot.slip import Vector
+from omnidrive.robot.slip_response import respond, slip_response
 
 _DISPLACEMENT = 0.02
 """Standard deviation of the mean velocity of a sample that the model does not explain, m/s."""
@@ -60,7 +61,7 @@ def whole_periods(delay: float, period: float) -> int:
 
 @compiled
 def predict(
-    model: SlipModel, memory: MotionMemory, dt: float, period: float
+    model: DriveModel, memory: MotionMemory, dt: float, period: float
 ) -> tuple[float, float]:
     """Predict the motion over ``dt`` (s), the time since the latest command.
 
@@ -82,7 +83,7 @@ def predict(
 
 @compiled
 def _predict_one(
-    model: SlipModel, memory: MotionMemory, command: int, dt: float
+    model: DriveModel, memory: MotionMemory, command: int, dt: float
 ) -> tuple[float, float]:
     """Predict state and covariance over ``dt`` (s) with one command, as :func:`predict`."""
     state, share, undisturbed = memory.state[0], 0.0, 0.0
@@ -119,7 +120,7 @@ def _motor_response(
 
 
 @compiled
-def _predict_held(model: SlipModel, state: Any, motors: Vector, dt: float) -> tuple[float, float]:
+def _predict_held(model: DriveModel, state: Any, motors: Vector, dt: float) -> tuple[float, float]:
     """Predict state and covariance over ``dt`` (s) with a constant twist of the motors."""
     initial, commanded = _vector(state.twist), _disturbed(model, state, motors)
     mean, final, derivatives = respond(model, initial, commanded, dt)
@@ -163,7 +164,7 @@ def _predict_held(model: SlipModel, state: Any, motors: Vector, dt: float) -> tu
 
 @compiled
 def correct(  # noqa: PLR0917
-    model: SlipModel,
+    model: DriveModel,
     state: Any,
     pose: Vector,
     variances: Vector,
@@ -223,7 +224,7 @@ def correct(  # noqa: PLR0917
 
 @compiled
 def _is_moved(
-    model: SlipModel, state: Any, innovation: Vector, variances: Vector, dt: float
+    model: DriveModel, state: Any, innovation: Vector, variances: Vector, dt: float
 ) -> bool:
     """Return whether a measured pose is an outlier, or that of a robot that was moved."""
     for a in range(3):
@@ -247,7 +248,7 @@ def _count_slips(state: Any, shares: tuple[float, float], dt: float) -> None:
 
 
 @compiled
-def _is_repeated_displacement(model: SlipModel, state: Any, innovation: Vector, dt: float) -> bool:
+def _is_repeated_displacement(model: DriveModel, state: Any, innovation: Vector, dt: float) -> bool:
     """Return whether the robot is moved about as far as before: its twist is wrong.
 
     An outlier, in contrast, is followed by the same displacement back, or is too far away.
@@ -266,7 +267,7 @@ def _is_repeated_displacement(model: SlipModel, state: Any, innovation: Vector, 
 
 
 @compiled
-def correct_twist(model: SlipModel, state: Any, twist: Vector, dt: float) -> None:
+def correct_twist(model: DriveModel, state: Any, twist: Vector, dt: float) -> None:
     """Replace the twist by an estimated one, unless the robot cannot have changed to it.
 
     Such a twist is an outlier, or that after a collision, which the next poses show.
@@ -291,7 +292,7 @@ def correct_twist(model: SlipModel, state: Any, twist: Vector, dt: float) -> Non
 
 
 @compiled
-def inflate_twist_variance(model: SlipModel, state: Any, axis: int, dt: float) -> None:
+def inflate_twist_variance(model: DriveModel, state: Any, axis: int, dt: float) -> None:
     """Raise the standard deviation of the twist to the change that is possible in ``dt`` (s)."""
     sigma, p = _max_unmodelled_displacement(model, dt, axis) / dt, state.covariance[axis]
     p[1, 1] = max(p[1, 1], sigma * sigma)
@@ -310,7 +311,7 @@ def _reduce(p: Float[Array, "3 3"], gains: Vector, variance: float) -> None:
 
 @compiled
 def predict_delayed(
-    model: SlipModel, memory: MotionMemory, period: float
+    model: DriveModel, memory: MotionMemory, period: float
 ) -> tuple[Vector, Vector, Vector]:
     """Return pose, body twist and twist of the motors when the next command takes effect.
 
@@ -332,7 +333,7 @@ def predict_delayed(
 
 
 @compiled
-def _disturbed(model: SlipModel, state: Any, motors: Vector) -> Vector:
+def _disturbed(model: DriveModel, state: Any, motors: Vector) -> Vector:
     """Return a twist of the motors plus the disturbance."""
     disturbance = disturbance_at(model, state, motors)
     return motors[0] + disturbance[0], motors[1] + disturbance[1], motors[2] + disturbance[2]
@@ -353,7 +354,7 @@ def _vector(values: Float[Array, " 3"]) -> Vector:
 
 
 @compiled
-def _max_unmodelled_displacement(model: SlipModel, dt: float, axis: int) -> float:
+def _max_unmodelled_displacement(model: DriveModel, dt: float, axis: int) -> float:
     """Return the largest displacement, m or rad, in ``dt`` (s) that the model may not explain.
 
     It is that of twice the acceleration at the friction limit; without forces, that of the speed.

@@ -6,8 +6,7 @@ from math import sqrt
 from typing import Any
 
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.motion_memory import axis_unit
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.robot.drive_model import DriveModel, axis_unit
 from omnidrive.robot.slip import Vector
 
 NOISY = 2e-3
@@ -23,7 +22,7 @@ _NOISE_MEMORY = 30
 
 
 @compiled
-def estimate_noise(model: SlipModel, state: Any, innovation: Vector) -> None:
+def estimate_noise(model: DriveModel, state: Any, innovation: Vector) -> None:
     """Update the variance of the noise by the covariance of consecutive differences.
 
     White noise n of the poses adds n_k - n_{k-1} to a measured displacement, so that consecutive
@@ -61,14 +60,14 @@ def axis_variance(state: Any, axis: int) -> float:
 
 
 @compiled
-def _largest_difference(model: SlipModel, variance: float, axis: int) -> float:
+def _largest_difference(model: DriveModel, variance: float, axis: int) -> float:
     """Return the difference of two poses, m or rad, up to which it counts as noise."""
     little = _EXPECTED * axis_unit(model, axis)
     return _LARGEST * sqrt(max(variance, 0.0) + little * little)
 
 
 @compiled
-def noisy_share(model: SlipModel, state: Any, axis: int) -> float:
+def noisy_share(model: DriveModel, state: Any, axis: int) -> float:
     """Return 0 for exact poses to 1 for noise well above :data:`NOISY`, by the estimated noise."""
     variance = axis_variance(state, axis)
     ratio = variance / (NOISY * axis_unit(model, axis)) ** 2
@@ -76,7 +75,7 @@ def noisy_share(model: SlipModel, state: Any, axis: int) -> float:
 
 
 @compiled
-def pose_variance(model: SlipModel, state: Any, variances: Vector, axis: int) -> float:
+def pose_variance(model: DriveModel, state: Any, variances: Vector, axis: int) -> float:
     """Return the variance of a measured displacement, which is estimated if it is not known."""
     variance = variances[axis]
     if variance < 0.0:

@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compilable, compiled
-from omnidrive.control.nmpc.holonomic.slip_model import SlipModel
+from omnidrive.compiled import compiled
 from omnidrive.estimation.drive_estimate import DriveSettings
-from omnidrive.estimation.drive_response import DriveModel
+from omnidrive.robot.drive_model import DriveModel
 from omnidrive.robot.slip import Vector
 
 _MAX_SPEEDING = 3.0
@@ -21,8 +20,10 @@ _MAX_SPEEDING = 3.0
 class RobotModel(NamedTuple):
     """Parameters of the robot in a step."""
 
-    model: SlipModel
+    model: DriveModel
     """Response to commands."""
+    may_spin: bool
+    """Whether wheels may spin, see :func:`~.slip_compensation.compensate`."""
     wheels: Float[Array, "wheels 3"]
     """Wheel matrix."""
     faces: Float[Array, "faces 3"]
@@ -32,20 +33,13 @@ class RobotModel(NamedTuple):
     reserve: float
     """Largest acceleration over those limits, at least 1."""
     drive: Any
-    """Known drive, a record of :data:`~.motion_memory.DRIVE`."""
+    """Known parameters of the drive, a record of
+    :data:`~omnidrive.estimation.drive_estimate.DRIVE_PARAMETERS`."""
     identify: Any
     """:func:`~omnidrive.estimation.drive_identification.identify` as a
     :class:`~omnidrive.compiled.CompiledFunction`; None: the drive is not identified."""
-    known: Float[Array, " 5"]
-    """Known drive for the identification: gains along x, y and yaw, lag (s) and delay (s)."""
     bounds: DriveSettings
     """Bounds of the identification."""
-
-
-@compilable
-def drive_model(model: SlipModel) -> DriveModel:
-    """Return the model of the response for the identification."""
-    return DriveModel(model.rim_jacobian, model.inertia, model.stiffness, model.max_force)
 
 
 @compiled

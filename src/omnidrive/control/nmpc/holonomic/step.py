@@ -20,10 +20,8 @@ from omnidrive.control.nmpc.holonomic.acceleration_ratio import (
 from omnidrive.control.nmpc.holonomic.disturbance import without_disturbance
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.minimum_time_targets import minimum_time_targets
-from omnidrive.control.nmpc.holonomic.motion import arc_twist
 from omnidrive.control.nmpc.holonomic.motion_memory import (
     MotionMemory,
-    apply_identified,
     remember,
     restart,
 )
@@ -40,13 +38,11 @@ from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.robot_model import (
     RobotModel,
     acceleration_load,
-    drive_model,
     is_plausible,
     saturate,
 )
-from omnidrive.control.nmpc.holonomic.slip_model import (
+from omnidrive.control.nmpc.holonomic.slip_compensation import (
     CORRECTIONS,
-    SlipModel,
     compensate,
     predict_change,
 )
@@ -60,6 +56,7 @@ from omnidrive.estimation.drive_identification import (
     START,
     DriveSample,
 )
+from omnidrive.geometry.arc import arc_twist
 from omnidrive.robot.slip import Vector
 
 _MIN_GAP, _MAX_GAP = 0.5, 5.0
@@ -73,7 +70,7 @@ _MAX_LQR_LOAD = 0.3
 """Share of the limits of acceleration up to which the plan of least squares leads to the target."""
 
 _APPROACH_CORRECTIONS = (3, 2)
-"""As :data:`~.slip_model.CORRECTIONS`, in approaches: there wheels slip, and further
+"""As :data:`~.slip_compensation.CORRECTIONS`, in approaches: there wheels slip, and further
 corrections let them spin without driving the robot more."""
 
 
@@ -139,9 +136,8 @@ def observe(
     event = CONTINUE if steady else APPROACH
     _identify(robot.identify, event, robot, memory, now, elapsed, dt)
     steady = steady and shares[0] <= STEADY_SATURATION
-    drive = state.drive
-    drive.lead = drive.lag if steady else 0.0
-    drive.yaw_lead = drive.yaw_lag if steady else 0.0
+    state.lead = state.drive.lag if steady else 0.0
+    state.yaw_lead = state.drive.yaw_lag if steady else 0.0
 
 
 @compiled
@@ -172,9 +168,8 @@ def _identify(  # noqa: PLR0917
         variances,
         now.fresh,
     )
-    model, values, applied = drive_model(robot.model), memory.identified, memory.applied
-    identify(event, model, robot.bounds, robot.known, values, sample, applied)
-    apply_identified(applied, state.drive)
+    identify(event, robot.model, robot.bounds, robot.drive, memory.identified, sample)
+    state.drive = memory.identified.state[0].applied
 
 
 @compiled
@@ -346,26 +341,18 @@ def command_stage(  # noqa: PLR0917
     desired = _stage_twist(plan, stage, factor, dt)
     following = _stage_twist(plan, min(stage + 1, len(plan.velocities) - 1), factor, dt)
     _, initial, motors = predict_delayed(robot.model, memory, dt)
-    model, state = robot.model, memory.state[0]
+    state = memory.state[0]
     noisy = position_variance(state) > NOISY * NOISY
-    if model.may_spin and (noisy or (is_late(state) and not approaches)):
-        model = SlipModel(
-            model.rim_jacobian,
-            model.inertia,
-            model.stiffness,
-            model.max_force,
-            model.max_rim_speed,
-            False,
-        )
+    may_spin = robot.may_spin and not (noisy or (is_late(state) and not approaches))
     corrections = _APPROACH_CORRECTIONS if approaches else CORRECTIONS
-    effective = compensate(model, desired, initial, dt, corrections)
+    effective = compensate(robot.model, desired, initial, dt, corrections, may_spin)
     mean = without_disturbance(robot.model, state, effective)
     change = (
         0.5 * (following[0] - desired[0]),
         0.5 * (following[1] - desired[1]),
         0.5 * (following[2] - desired[2]),
     )
-    command = saturate(robot, _command_motors(state.drive, mean, motors, change, dt))
+    command = saturate(robot, _command_motors(state, mean, motors, change, dt))
     remember(memory, command)
     return command
 
@@ -379,19 +366,19 @@ def _stage_twist(plan: Plan, stage: int, factor: float, dt: float) -> Vector:
 
 
 @compiled
-def _command_motors(drive: Any, mean: Vector, motors: Vector, change: Vector, dt: float) -> Vector:
+def _command_motors(state: Any, mean: Vector, motors: Vector, change: Vector, dt: float) -> Vector:
     """Return the command with which the motors have a mean twist over a sample.
 
     The mean of ``lag dm/dt = gain u - m``, without a jump of m.
 
     Args:
-        drive: The drive, a record of :data:`~.motion_memory.DRIVE`.
+        state: Estimates of the observer.
         mean: The mean twist.
         motors: Twist of the motors at the start of the sample.
         change: From the mean twist to that at the end of the sample.
         dt: Sample time, s.
     """
-    lead, yaw_lead, gains = drive.lead / dt, drive.yaw_lead / dt, drive.gains
+    lead, yaw_lead, gains = state.lead / dt, state.yaw_lead / dt, state.drive.gains
     return (
         (mean[0] + lead * (mean[0] + change[0] - motors[0])) / gains[0],
         (mean[1] + lead * (mean[1] + change[1] - motors[1])) / gains[1],
