@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.estimation.filter_state import FilterState
+from omnidrive.estimation.filter_state import FIX_BIAS, POSE, SIZE, FilterState
 from omnidrive.estimation.matrices import congruence, inverse, product
 from omnidrive.estimation.se2 import compose, exponential, logarithm, relative_pose
 
@@ -33,12 +33,13 @@ def correct(
         gate: NIS above which the fix is rejected; ``state`` is then returned unchanged.
     """
     mean, covariance = state.mean, state.covariance
-    innovation = logarithm(relative_pose(mean[:3], fix - mean[4:7]))
+    innovation = logarithm(relative_pose(mean[POSE], fix - mean[FIX_BIAS]))
     c, s = cos(mean[2]), sin(mean[2])
-    observation = np.zeros((3, 10))
-    observation[0, 0] = observation[1, 1] = observation[2, 2] = observation[2, 6] = 1.0
-    observation[0, 4], observation[0, 5] = c, s
-    observation[1, 4], observation[1, 5] = -s, c
+    observation = np.zeros((3, SIZE))
+    by_pose, by_bias = observation[:, POSE], observation[:, FIX_BIAS]
+    by_pose[0, 0] = by_pose[1, 1] = by_pose[2, 2] = by_bias[2, 2] = 1.0
+    by_bias[0, 0], by_bias[0, 1] = c, s
+    by_bias[1, 0], by_bias[1, 1] = -s, c
     noise = np.zeros((3, 3))
     noise[0, 0] = noise[1, 1] = sigma[0] ** 2
     noise[2, 2] = sigma[1] ** 2
@@ -53,14 +54,14 @@ def correct(
     if not nis <= gate:
         return state, nis
     gain = product(product(covariance, np.ascontiguousarray(observation.T)), information)
-    factor = np.eye(10) - product(gain, observation)
+    factor = np.eye(SIZE) - product(gain, observation)
     corrected = congruence(factor, covariance) + congruence(gain, noise)
-    new_mean, step = mean.copy(), np.zeros(10)
-    for i in range(10):
+    new_mean, step = mean.copy(), np.zeros(SIZE)
+    for i in range(SIZE):
         for j in range(3):
             step[i] += gain[i, j] * innovation[j]
         new_mean[i] += step[i]
-    new_mean[:3] = compose(mean[:3], exponential(step[:3]))
+    new_mean[POSE] = compose(mean[POSE], exponential(step[POSE]))
     return FilterState(
         new_mean, corrected, state.velocity, state.excess_slip, state.unobserved_time
     ), nis

@@ -9,13 +9,26 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.estimation.filter_state import FilterState
+from omnidrive.estimation.filter_state import (
+    FIX_BIAS,
+    FIX_BIAS_RATE,
+    GYRO_BIAS,
+    POSE,
+    SIZE,
+    FilterState,
+)
 from omnidrive.estimation.gauss_markov import gauss_markov
 from omnidrive.estimation.matrices import congruence, inverse
 from omnidrive.estimation.motion_model import MotionModel, Odometry
 from omnidrive.estimation.se2 import compose, exponential, inverse_adjoint, right_jacobian
 from omnidrive.estimation.slip_prediction import predict_slip
 
+_MOTION = slice(SIZE, SIZE + 3)
+"""Indices of the body motion (m, m, rad) in a vector of the filter state and the motion."""
+_ROTATION = SIZE + 2
+"""Index of its rotation."""
+_JOINT_SIZE = SIZE + 3
+"""Length of that vector."""
 _MAX_SLIP = 50.0
 """Largest excess slip speed, m/s."""
 _MAX_UNOBSERVED_TIME = 10.0
@@ -41,14 +54,14 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
     dt = odometry.duration
     if dt <= 0.0:
         return state
-    rate = odometry.yaw_rate - state.mean[3]
+    rate = odometry.yaw_rate - state.mean[GYRO_BIAS]
     slip, mean_twist, velocity = predict_slip(state.velocity, odometry, model)
     residual_slip = _excess_slip(odometry, model, rate, slip)
     excess_slip = max(state.excess_slip * exp(-dt / model.slip_memory), residual_slip)
     motion, motion_covariance, observed = _wheel_motion(state, odometry, model, slip, excess_slip)
-    mean, joint = state.mean.copy(), np.zeros((13, 13))
-    joint[:10, :10] = state.covariance
-    joint[10:, 10:] = motion_covariance
+    mean, joint = state.mean.copy(), np.zeros((_JOINT_SIZE, _JOINT_SIZE))
+    joint[:SIZE, :SIZE] = state.covariance
+    joint[_MOTION, _MOTION] = motion_covariance
     if isfinite(rate):
         joint = _correct_with_gyro(mean, joint, motion, odometry, model)
     if isfinite(model.friction_limits[0]):
@@ -60,7 +73,7 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
     unobserved_time = 0.0 if observed else min(state.unobserved_time + dt, _MAX_UNOBSERVED_TIME)
     propagated = mean.copy()
     covariance = _propagate_covariance(propagated, joint, motion, model, dt)
-    propagated[:3] = compose(mean[:3], exponential(motion))
+    propagated[POSE] = compose(mean[POSE], exponential(motion))
     return FilterState(propagated, covariance, velocity, excess_slip, unobserved_time)
 
 
@@ -208,21 +221,21 @@ def _correct_with_gyro(
     """
     dt = odometry.duration
     variance = model.gyro_noise**2 * dt + _MIN_VARIANCE
-    cross = joint[:, 12] + dt * joint[:, 3]
-    gain = cross / (cross[12] + dt * cross[3] + variance)
-    innovation = odometry.yaw_rate * dt - motion[2] - mean[3] * dt
-    mean[:3] = compose(mean[:3], exponential(gain[:3] * innovation))
-    for i in range(3, 10):
+    cross = joint[:, _ROTATION] + dt * joint[:, GYRO_BIAS]
+    gain = cross / (cross[_ROTATION] + dt * cross[GYRO_BIAS] + variance)
+    innovation = odometry.yaw_rate * dt - motion[2] - mean[GYRO_BIAS] * dt
+    mean[POSE] = compose(mean[POSE], exponential(gain[POSE] * innovation))
+    for i in range(POSE.stop, SIZE):
         mean[i] += gain[i] * innovation
     for a in range(3):
-        motion[a] += gain[10 + a] * innovation
-    factor = np.eye(13)
-    for i in range(13):
-        factor[i, 3] -= gain[i] * dt
-        factor[i, 12] -= gain[i]
+        motion[a] += gain[_MOTION.start + a] * innovation
+    factor = np.eye(_JOINT_SIZE)
+    for i in range(_JOINT_SIZE):
+        factor[i, GYRO_BIAS] -= gain[i] * dt
+        factor[i, _ROTATION] -= gain[i]
     corrected = congruence(factor, joint)
-    for i in range(13):
-        for j in range(13):
+    for i in range(_JOINT_SIZE):
+        for j in range(_JOINT_SIZE):
             corrected[i, j] += variance * gain[i] * gain[j]
     return corrected
 
@@ -236,17 +249,18 @@ def _propagate_covariance(
     dt: float,
 ) -> Float[Array, "10 10"]:
     """Return the covariance after ``motion``; propagate the fixes' bias in ``mean`` in place."""
-    transition = np.zeros((10, 13))
-    transition[:3, :3] = inverse_adjoint(motion)
-    transition[:3, 10:] = right_jacobian(motion)
-    transition[3, 3] = 1.0
+    transition = np.zeros((SIZE, _JOINT_SIZE))
+    transition[POSE, POSE] = inverse_adjoint(motion)
+    transition[POSE, _MOTION] = right_jacobian(motion)
+    transition[GYRO_BIAS, GYRO_BIAS] = 1.0
     a, b, c, d = gauss_markov(dt, model.bias_time, model.bias_damping)
-    for i in range(4, 7):
-        transition[i, i], transition[i, i + 3] = a, b
-        transition[i + 3, i], transition[i + 3, i + 3] = c, d
-        mean[i], mean[i + 3] = a * mean[i] + b * mean[i + 3], c * mean[i] + d * mean[i + 3]
+    for i in range(3):
+        k, r = FIX_BIAS.start + i, FIX_BIAS_RATE.start + i
+        transition[k, k], transition[k, r] = a, b
+        transition[r, k], transition[r, r] = c, d
+        mean[k], mean[r] = a * mean[k] + b * mean[r], c * mean[k] + d * mean[r]
     covariance = congruence(transition, joint)
-    covariance[3, 3] += model.gyro_walk**2 * dt
+    covariance[GYRO_BIAS, GYRO_BIAS] += model.gyro_walk**2 * dt
     share, damping = dt / model.bias_time, model.bias_damping
     for i in range(3):  # process noise that preserves the stationary variances of bias and rate
         variance = model.bias_sigma[i] ** 2
@@ -259,11 +273,12 @@ def _propagate_covariance(
             noise = variance - a * a * variance - b * b * rate_variance
             rate_noise = rate_variance - c * c * variance - d * d * rate_variance
             cross = -(a * c * variance + b * d * rate_variance)
-        covariance[4 + i, 4 + i] += noise
-        covariance[7 + i, 7 + i] += rate_noise
-        covariance[4 + i, 7 + i] += cross
-        covariance[7 + i, 4 + i] += cross
-    for i in range(4):
+        k, r = FIX_BIAS.start + i, FIX_BIAS_RATE.start + i
+        covariance[k, k] += noise
+        covariance[r, r] += rate_noise
+        covariance[k, r] += cross
+        covariance[r, k] += cross
+    for i in range(len(_MAX_VARIANCES)):
         if covariance[i, i] > _MAX_VARIANCES[i]:
             scale = sqrt(_MAX_VARIANCES[i] / covariance[i, i])
             covariance[i, :] *= scale
