@@ -138,13 +138,9 @@ def drive_estimate(record: np.void) -> DriveEstimate:
 def write_estimate(record: Any, values: Float[Array, " values"]) -> None:
     """Write a record of :data:`DRIVE_ESTIMATE` into a row with the columns of the log of a run.
 
-    The columns are those of :data:`DRIVE_UNITS`.
+    The columns are those of :data:`DRIVE_UNITS`: the values of the record in their order.
     """
-    for a in range(3):
-        values[a], values[6 + a] = record.gains[a], record.gain_errors[a]
-    values[3], values[4], values[5] = record.lag, record.delay, record.yaw_lag
-    values[9], values[10] = record.lag_error, record.delay_error
-    values[11], values[12] = record.yaw_lag_error, record.sum_error
+    values.view(DRIVE_ESTIMATE)[0] = record
 
 
 def logged_drive(details: Mapping[str, Float[Array, " rows"]]) -> DriveEstimate | None:

@@ -38,6 +38,7 @@ from omnidrive.compiled import compiled
 from omnidrive.estimation.drive_estimate import HYPOTHESES, DriveSettings
 from omnidrive.estimation.drive_prediction import predict
 from omnidrive.estimation.identification_state import (
+    GAINS,
     PARAMETERS,
     IdentificationMemory,
     apply_parameters,
@@ -340,7 +341,7 @@ def _correct_parameters(model: DriveModel, h: Any, work: Any, axis: int, innovat
     vx, vy, rate = h.twist
     speed = sqrt(vx * vx + vy * vy) + abs(rate) / axis_unit(model, 2)
     for i in range(PARAMETERS):
-        moves = i >= 3  # the lags
+        moves = i >= GAINS  # the lags
         if not moves:
             moves = abs(h.twist[i]) / axis_unit(model, i) > _MIN_SPEED + _MIN_SHARE * speed
         if moves:

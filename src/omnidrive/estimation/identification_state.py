@@ -43,6 +43,10 @@ class FilterParameters(NamedTuple):
 
 PARAMETERS = len(FilterParameters._fields)
 """Number of parameters that every hypothesis estimates."""
+GAINS = 3
+"""Number of gains: the first of them."""
+_EXCESS = FilterParameters._fields.index("excess")
+"""Index of the excess among them."""
 INITIAL_ERRORS = FilterParameters(GAIN_ERROR, GAIN_ERROR, GAIN_ERROR, LAG_ERROR, YAW_LAG_ERROR)
 """Standard deviations of the parameters before the first sample."""
 
@@ -138,9 +142,10 @@ def initialize(state: Any, known: Any, period: float) -> None:
         period: Sample time, s.
     """
     state.chosen = 0
-    gains, initial = known.gains, state.initial
-    initial[0], initial[1], initial[2] = gains[0], gains[1], gains[2]
-    initial[3], initial[4] = known.lag, known.yaw_lag - known.lag
+    (x, y, yaw), initial = known.gains, state.initial
+    start = FilterParameters(x, y, yaw, known.lag, known.yaw_lag - known.lag)
+    for i in range(PARAMETERS):
+        initial[i] = start[i]
     for k in range(HYPOTHESES):
         h = state.hypotheses[k]
         h.delay = known.delay + k * period
@@ -189,14 +194,13 @@ def named(parameters: Float[Array, " 5"]) -> FilterParameters:
 @compiled
 def variances_of(covariance: Float[Array, "5 5"]) -> FilterParameters:
     """Return the variances of the parameters by their names."""
-    c = covariance
-    return FilterParameters(c[0, 0], c[1, 1], c[2, 2], c[3, 3], c[4, 4])
+    return named(np.diag(covariance))
 
 
 @compiled
 def yaw_lag_variance(covariance: Float[Array, "5 5"]) -> float:
     """Return the variance of the lag in yaw, a sum of two parameters."""
-    variances, with_lag = variances_of(covariance), named(covariance[4]).lag
+    variances, with_lag = variances_of(covariance), named(covariance[_EXCESS]).lag
     return float(max(variances.lag + variances.excess + 2.0 * with_lag, 0.0))
 
 
