@@ -18,7 +18,7 @@ from omnidrive.compiled.cache import entries
 from omnidrive.compiled.cache_folder import usable_folder
 from omnidrive.compiled.dispatcher import Kernel
 from omnidrive.compiled.key import kernel_key, short_hash
-from omnidrive.compiled.uncounted import uncounted
+from omnidrive.compiled.views import uncounted
 from omnidrive.fuzzy.kernels import infer_rows
 
 PACKAGE = Path(omnidrive.__file__).parent

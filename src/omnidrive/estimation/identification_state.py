@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.compiled.unsafe_views import unsafe_array
+from omnidrive.compiled.views import unsafe_array
 from omnidrive.estimation.drive_estimate import (
     GAIN_ERROR,
     HYPOTHESES,
