@@ -1,6 +1,6 @@
 """Internals of Numba, used only with the versions that they are tested with.
 
-See :mod:`omnidrive.compiled.versions`. No other file imports them, and none is needed for a result:
+No other file imports them, and none is needed for a result (:mod:`omnidrive.compiled.versions`):
 
 * Numba optimises and emits the machine code of every callee by itself, and again as a part of each
   of its callers, at every level. Here a callee is only translated to LLVM's intermediate language;
@@ -9,8 +9,7 @@ See :mod:`omnidrive.compiled.versions`. No other file imports them, and none is 
   most fields of an array. A kernel with ``fastmath`` is still optimised by itself first, so that
   the order of its sums does not depend on its callers; all other floating-point operations are
   strict, so that their results do not depend on the order of optimisation.
-* A kernel on disk is loaded whatever line of its source file it is on.
-* A compiled function that is an argument is converted in 1 us instead of 25 us.
+* A kernel on disk is loaded whatever line it is on; a compiled function is a quick argument.
 * Numba counts the references of every array that a function takes out of its arguments, in two
   atomic operations per array and call. :class:`_BorrowedArrays` leaves that out of functions that
   create no array, :func:`uncounted` for arguments of the others.
@@ -38,8 +37,8 @@ from omnidrive.compiled.kernel_files import KernelFiles, qualified_name
 Types = tuple[Any, ...]
 
 _log = logging.getLogger("omnidrive.compiled.cache")
-_core: Any = numba.core  # Numba's types are incomplete
-_dynfunc: Any = numba._dynfunc
+_numba: Any = numba  # its types are incomplete
+_core: Any = numba.core
 _extending: Any = extending
 _types: Any = types
 _llvm_ir: Any = ir
@@ -270,7 +269,7 @@ def _executable(get_executable: Any) -> Any:
             library.is_separate = kernel._is_separate
         elif not library.is_complete:
             name, module = description.qualname.split(".")[-1], description.lookup_module()
-            return _dynfunc.make_function(module, name, "", 0, globals_, (library,))
+            return _numba._dynfunc.make_function(module, name, "", 0, globals_, (library,))
         return get_executable(library, description, globals_)
 
     return executable
@@ -301,7 +300,7 @@ _extending.typeof_impl.register(CompiledFunction)(_typeof)
 _extending.unbox(_CompiledFunctionType)(_unboxed)
 
 
-@_extending.intrinsic
+@extending.intrinsic
 def uncounted(_: Any, value: Any) -> tuple[Any, Callable[..., Any]]:
     """Return a value, of whose arrays no reference is counted."""
 

@@ -14,25 +14,26 @@ from __future__ import annotations
 
 from typing import Any, TypeVar
 
-from numba import carray, errors, types
+import numba
+from numba import errors, types
 from numba.extending import intrinsic
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import inlined
 from omnidrive.compiled.versions import USES_INTERNALS
 
-_carray: Any = carray  # Numba's modules are not typed
+_carray: Any = numba.carray  # Numba's modules are not typed
 _errors: Any = errors
-_intrinsic: Any = intrinsic
+_types: Any = types
 T = TypeVar("T")
 A = TypeVar("A", bound=Array)
 
 
-@_intrinsic
+@intrinsic
 def _pointer(_: Any, array: Any, address: Any, begin: Any) -> Any:
     if array.ndim != 1 or array.layout != "C":
         raise _errors.TypingError(f"a view needs a contiguous array of one dimension, got {array}")
-    kind = types.CPointer(array.dtype)
+    kind = _types.CPointer(array.dtype)
 
     def build(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
         """Emit the address of an element of the array."""
@@ -40,7 +41,7 @@ def _pointer(_: Any, array: Any, address: Any, begin: Any) -> Any:
         pointer = builder.inttoptr(address, context.get_value_type(kind))
         return builder.gep(pointer, [begin])
 
-    return kind(array, address, types.intp), build
+    return kind(array, address, _types.intp), build
 
 
 @inlined
@@ -52,19 +53,22 @@ def uncounted(value: T) -> T:
 @inlined
 def unsafe_slice(array: A, begin: int, end: int) -> A:
     """Return ``array[begin:end]`` of a contiguous vector."""
-    return _carray(_pointer(array, array.ctypes.data, begin), (end - begin,))
+    view: A = _carray(_pointer(array, array.ctypes.data, begin), (end - begin,))
+    return view
 
 
 @inlined
 def unsafe_matrix(array: Array, begin: int, rows: int, columns: int) -> Array:
     """Return part of a contiguous vector as a matrix, row by row."""
-    return _carray(_pointer(array, array.ctypes.data, begin), (rows, columns))
+    view: Array = _carray(_pointer(array, array.ctypes.data, begin), (rows, columns))
+    return view
 
 
 @inlined
 def unsafe_array(array: Array, begin: int, shape: tuple[int, ...]) -> Array:
     """Return part of a contiguous vector as an array in C order."""
-    return _carray(_pointer(array, array.ctypes.data, begin), shape)
+    view: Array = _carray(_pointer(array, array.ctypes.data, begin), shape)
+    return view
 
 
 if USES_INTERNALS:

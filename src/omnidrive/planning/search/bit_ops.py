@@ -17,10 +17,9 @@ uint32: Any = np.uint32
 uint64: Any = np.uint64
 
 _integer: Any = ir.IntType  # llvmlite has no types
-_intrinsic: Any = intrinsic
 
 
-@_intrinsic
+@intrinsic
 def trailing_zeros(_: Any, value: Any) -> Any:
     """Index of the lowest bit that is 1; for 0 the width of the type in bits."""
 
@@ -31,7 +30,7 @@ def trailing_zeros(_: Any, value: Any) -> Any:
     return value(value), build
 
 
-@_intrinsic
+@intrinsic
 def leading_zeros(_: Any, value: Any) -> Any:
     """Number of 0 bits above the highest bit that is 1; for 0 the width of the type in bits."""
 
