@@ -22,7 +22,8 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import inlined
 from omnidrive.compiled.versions import USES_INTERNALS
 
-_carray: Any = numba.carray  # Numba's modules are not typed
+_numba: Any = numba  # Numba's modules are not typed
+_carray = _numba.carray
 _errors: Any = errors
 _types: Any = types
 T = TypeVar("T")
@@ -30,7 +31,7 @@ A = TypeVar("A", bound=Array)
 
 
 @intrinsic
-def _pointer(_: Any, array: Any, address: Any, begin: Any) -> Any:
+def _address_of(_: Any, array: Any, address: Any, begin: Any) -> Any:
     if array.ndim != 1 or array.layout != "C":
         raise _errors.TypingError(f"a view needs a contiguous array of one dimension, got {array}")
     kind = _types.CPointer(array.dtype)
@@ -42,6 +43,9 @@ def _pointer(_: Any, array: Any, address: Any, begin: Any) -> Any:
         return builder.gep(pointer, [begin])
 
     return kind(array, address, _types.intp), build
+
+
+_pointer: Any = _address_of  # its first argument is not passed
 
 
 @inlined
