@@ -66,6 +66,7 @@ def test_edit_of_what_a_kernel_reaches_changes_its_key(build, old, new):
     assert key(build()) != key(build((old, new)))
 
 
+@internals
 def test_kernels_and_python_call_the_same_function(build):
     module = build()
     assert module.of_shared(2.0) == module.shared(2.0) == 6.0
@@ -81,6 +82,7 @@ def test_global_defined_below_the_kernel_is_part_of_the_key(build):
     assert kernel_key(build(("LATER = 3.0", "LATER = 4.0")).later) != before
 
 
+@internals
 def test_entry_is_loaded_after_a_harmless_edit_and_compiled_after_another(build):
     module = build()
     assert module.caller(1.0) == 2.0 + 2.0 + 5.0 + 1.0
