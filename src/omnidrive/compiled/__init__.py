@@ -1,12 +1,7 @@
-"""Compilation of the numerical kernels.
+"""Compilation of the numerical kernels, with every version of Numba.
 
-This package depends on internals of Numba: the cache interface of a dispatcher (``_cache`` with
-``load_overload`` and ``save_overload``), ``CompileResult._reduce`` and ``_rebuild``,
-``serialize.dumps``, the code library and ``get_executable`` of the CPU target, ``config``,
-``cgutils``, ``FunctionType`` with its data model and the C wrapper of a kernel, the passes and the
-intermediate representation of its compiler, and ``populate_array``. Outside it, only
-:mod:`omnidrive.planning.search.bit_ops` (``numba.cpython.unsafe.numbers``) does. The bounds of
-Numba in ``pyproject.toml`` are the versions that both are tested with.
+What depends on Numba's internals is in :mod:`omnidrive.compiled.numba_internals`, and left out with
+versions that it is not tested with.
 """
 
 from __future__ import annotations
@@ -15,13 +10,16 @@ from collections.abc import Callable
 from inspect import unwrap
 from typing import Any, ParamSpec, TypeVar, cast
 
-from numba import typeof
-from numba.core import config
+from numba import config, typeof
 from numba.extending import overload
 
 from omnidrive.compiled.compilation import announce_compiling
 from omnidrive.compiled.compiled_function import CompiledFunction
-from omnidrive.compiled.dispatcher import NO_WRAPPERS, Kernel
+from omnidrive.compiled.public_kernel import make_public_kernel
+from omnidrive.compiled.versions import USES_INTERNALS
+
+if USES_INTERNALS:
+    from omnidrive.compiled import numba_internals
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -29,6 +27,7 @@ R = TypeVar("R")
 _config: Any = config  # its attributes are set at run time
 _overload: Any = overload
 _OPTIONS = {"error_model": "numpy", "nogil": True}
+_CALLEE_OPTIONS = _OPTIONS | (numba_internals.NO_WRAPPERS if USES_INTERNALS else {})
 
 __all__ = [
     "CompiledFunction",
@@ -81,7 +80,7 @@ def compilable(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     ``x * x``. The function refers only to what a kernel may refer to.
     """
     plain = unwrap(function)
-    _overload(function, strict=False, jit_options={**_OPTIONS, **NO_WRAPPERS, **options})(
+    _overload(function, strict=False, jit_options={**_CALLEE_OPTIONS, **options})(
         lambda *_, **__: plain
     )
     return function
@@ -106,8 +105,8 @@ def _compiled(kernel: Callable[P, R], **options: Any) -> Callable[P, R]:
     function = unwrap(kernel)
     if _config.DISABLE_JIT:
         return cast("Callable[P, R]", function)
-    targetoptions = {**_OPTIONS, **options}
-    machine = Kernel(function, targetoptions=targetoptions)
+    make = numba_internals.Kernel if USES_INTERNALS else make_public_kernel
+    machine: Any = make(function, targetoptions={**_OPTIONS, **options})
     kernels.append(machine)
     return cast("Callable[P, R]", machine)
 
@@ -115,10 +114,12 @@ def _compiled(kernel: Callable[P, R], **options: Any) -> Callable[P, R]:
 def entry_point(kernel: Callable[P, R], *examples: P.args, **_: P.kwargs) -> Callable[P, R]:
     """Return the machine code of a kernel for the types of the examples, as a function.
 
-    A call skips Numba's dispatch on the types of the arguments; arguments of other types are
-    converted, or raise TypeError.
+    With the internals of Numba, a call skips the dispatch on the types of the arguments; arguments
+    of other types are converted, or raise TypeError. Without them, it is a call of the kernel.
     """
     machine: Any = kernel
     types = tuple(map(typeof, examples))
     machine.compile(types)
+    if not USES_INTERNALS:
+        return kernel
     return cast("Callable[P, R]", machine.overloads[types].entry_point)

@@ -20,10 +20,11 @@ from contextlib import contextmanager, suppress
 from functools import cache, cached_property
 from hashlib import sha256
 from pathlib import Path
+from threading import Lock
 from typing import Any
 from uuid import uuid4
 
-from numba.core import config
+from numba import config
 
 fcntl: Any
 try:
@@ -33,6 +34,7 @@ except ImportError:  # Windows
 
 _log = logging.getLogger("omnidrive.compiled.cache")
 _config: Any = config  # it has no types
+_choosing = Lock()  # of Numba's cache folder, which is a setting of the process
 
 _NUMBA_FILE = ".numba_config.yaml"
 _OF_FILE = "" if "NUMBA_CACHE_DIR" in os.environ else _config.CACHE_DIR
@@ -189,12 +191,24 @@ def usable_folder() -> CacheFolder | None:
     Numba also reads a file of the working folder, which may be somebody else's: it does not choose
     the folder.
     """
-    chosen = _config.CACHE_DIR
+    with _choosing:
+        chosen = _config.CACHE_DIR
     if os.environ.get("NUMBA_CACHE_DIR") != chosen and (
         chosen == _OF_FILE or os.path.isfile(_NUMBA_FILE)
     ):
         chosen = ""
     return _first_usable(chosen)
+
+
+@contextmanager
+def numba_folder(path: Path) -> Iterator[None]:
+    """Let Numba's own cache of the functions that enable it in the block be in a folder."""
+    with _choosing:
+        chosen, _config.CACHE_DIR = _config.CACHE_DIR, str(path)
+        try:
+            yield
+        finally:
+            _config.CACHE_DIR = chosen
 
 
 @cache

@@ -10,6 +10,8 @@ calls, or a constant of another module, changes. The key made here covers
   tuples;
 * the versions of Python, Numba, llvmlite and NumPy, and the settings of the compiler.
 
+Intrinsics are covered without options, which those of this package do not have.
+
 So an edit of a docstring, of a comment or of an unrelated file leaves a key as it is. Globals are
 read when the key is first needed, not when the kernel is defined.
 """
@@ -29,14 +31,19 @@ from typing import Any, NamedTuple
 import llvmlite
 import numba
 import numpy as np
-from numba.core import config, types
-from numba.core.dispatcher import Dispatcher
-from numba.core.extending import _Intrinsic
+from numba import config, njit, types
+from numba.extending import intrinsic
 
+from omnidrive.compiled.versions import USES_INTERNALS
+
+_njit: Any = njit  # untyped
+_intrinsic: Any = intrinsic
 _config: Any = config  # its attributes are set at run time
 
-_PASSES = "borrowed arrays, internal callees"
+_PASSES = "internal callees" if USES_INTERNALS else "public interfaces"
 """What this package changes in the compiler, which determines the machine code as well."""
+_Dispatcher: Any = type(_njit(lambda: 0))
+_Intrinsic: Any = type(_intrinsic(lambda _: None))
 
 _LOAD_GLOBAL, _EXTENDED_ARG = opmap["LOAD_GLOBAL"], opmap["EXTENDED_ARG"]
 _CALL_FLAGS = CO_VARARGS | CO_VARKEYWORDS | CO_GENERATOR
@@ -76,12 +83,11 @@ def _described(part: Any) -> _Description:
     uses: list[Any] = []
     function: FunctionType = part
     options = ""
-    if isinstance(part, Dispatcher):
+    if isinstance(part, _Dispatcher):
         function = part.py_func
         options = _text(part.targetoptions, uses) + _text(part.locals, uses)
     elif isinstance(part, _Intrinsic):
-        function = part._defn
-        options = f"intrinsic {part._prefer_literal} {part._ctor_kwargs}"
+        options = "intrinsic"
     function = unwrap(function)  # tests wrap functions, and a wrapper differs in every process
     code = function.__code__
     texts = [_name(function), options]
@@ -143,7 +149,7 @@ def _text(  # noqa: PLR0911 - one for each type
     kind = type(value)
     if value is None or value is Ellipsis or kind in {bool, int, float, complex, str, bytes}:
         return f"{kind.__name__} {value!r}"
-    if isinstance(value, Dispatcher | FunctionType | _Intrinsic):
+    if isinstance(value, (_Dispatcher, FunctionType, _Intrinsic)):
         if not _is_foreign(value):
             uses.append(value)
         return f"function {_name(value)}"

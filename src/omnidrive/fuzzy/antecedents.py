@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.compiled.unsafe_views import unsafe_slice
+from omnidrive.compiled.views import unsafe_slice
 from omnidrive.fuzzy.norms import CONORMS, HEDGE_CODES, NORMS, apply_hedge, t_conorm, t_norm
 from omnidrive.fuzzy.rules import And, Antecedent, Is
 from omnidrive.fuzzy.system import FuzzySystem

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.compiled.unsafe_views import unsafe_slice
+from omnidrive.compiled.views import unsafe_slice
 from omnidrive.fuzzy.consequents import Consequent
 from omnidrive.fuzzy.reduction import KM, left_end, nie_tan, right_end, type_reduce
 from omnidrive.fuzzy.sampled import samples_of

@@ -7,8 +7,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.compiled.uncounted import uncounted
-from omnidrive.compiled.unsafe_views import unsafe_slice
+from omnidrive.compiled.views import uncounted, unsafe_slice
 from omnidrive.fuzzy.antecedents import fire
 from omnidrive.fuzzy.centre_of_sets import centre_of_sets
 from omnidrive.fuzzy.checks import MAX_NUMBER

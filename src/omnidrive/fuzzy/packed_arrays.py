@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.compiled.unsafe_views import unsafe_slice
+from omnidrive.compiled.views import unsafe_slice
 
 
 class PackedArrays(NamedTuple):

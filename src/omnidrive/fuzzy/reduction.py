@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, compiled_sums
-from omnidrive.compiled.unsafe_views import unsafe_slice
+from omnidrive.compiled.views import unsafe_slice
 
 KM, EKM, EIASC, IASC, NIE_TAN = range(5)
 """Indices in :data:`~omnidrive.fuzzy.system.ALGORITHMS`: Karnik-Mendel, enhanced Karnik-Mendel,

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.compiled.unsafe_views import unsafe_slice
+from omnidrive.compiled.views import unsafe_slice
 from omnidrive.fuzzy.consequents import Consequent, Consequents
 from omnidrive.fuzzy.norms import AGGREGATIONS, IMPLICATIONS, t_conorm
 from omnidrive.fuzzy.reduction import moments

@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.compiled.unsafe_views import unsafe_slice
+from omnidrive.compiled.views import unsafe_slice
 from omnidrive.errors import InvalidInput
 from omnidrive.fuzzy.consequents import Consequent, Consequents
 from omnidrive.fuzzy.reduction import type_reduce

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.compiled.unsafe_views import unsafe_matrix, unsafe_slice
+from omnidrive.compiled.views import unsafe_matrix, unsafe_slice
 from omnidrive.fuzzy.antecedents import Antecedents
 from omnidrive.fuzzy.centre_of_sets import Centroids
 from omnidrive.fuzzy.consequents import Consequents

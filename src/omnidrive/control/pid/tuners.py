@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.choices import OutOfRange
 from omnidrive.compiled import CompiledFunction, compilable_as, compiled
-from omnidrive.compiled.uncounted import uncounted
+from omnidrive.compiled.views import uncounted
 from omnidrive.control.pid.fuzzy_options import FuzzyOptions
 from omnidrive.control.pid.laws import GainChange
 from omnidrive.control.pid.rules import paper_rules, published_rules

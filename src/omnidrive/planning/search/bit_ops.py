@@ -9,14 +9,33 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba.cpython.unsafe import numbers
+from llvmlite import ir
+from numba.extending import intrinsic
 
 int64: Any = np.int64
 uint32: Any = np.uint32
 uint64: Any = np.uint64
 
-trailing_zeros: Any = numbers.trailing_zeros
-"""Index of the lowest bit that is 1; for 0 the width of the type in bits."""
+_integer: Any = ir.IntType  # llvmlite has no types
 
-leading_zeros: Any = numbers.leading_zeros
-"""Number of 0 bits above the highest bit that is 1; for 0 the width of the type in bits."""
+
+@intrinsic
+def trailing_zeros(_: Any, value: Any) -> Any:
+    """Index of the lowest bit that is 1; for 0 the width of the type in bits."""
+
+    def build(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
+        """Emit LLVM's instruction, whose flag leaves the result for 0 defined."""
+        return builder.cttz(arguments[0], _integer(1)(0))
+
+    return value(value), build
+
+
+@intrinsic
+def leading_zeros(_: Any, value: Any) -> Any:
+    """Number of 0 bits above the highest bit that is 1; for 0 the width of the type in bits."""
+
+    def build(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
+        """Emit LLVM's instruction, whose flag leaves the result for 0 defined."""
+        return builder.ctlz(arguments[0], _integer(1)(0))
+
+    return value(value), build

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compilable, compiled
-from omnidrive.compiled.uncounted import uncounted
+from omnidrive.compiled.views import uncounted
 from omnidrive.control.compiled_law import SampleState
 from omnidrive.control.nmpc.common.exit import CONVERGED
 from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at
