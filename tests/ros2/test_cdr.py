@@ -153,6 +153,26 @@ def test_values_of_another_type_are_refused(name, values):
         encode(message_type(name)(**values))
 
 
+@pytest.mark.parametrize("order", [">f8", "<f8"])
+def test_arrays_are_encoded_by_their_values(order):
+    """Not by their bytes in memory: byte order, strides and whole numbers make no difference."""
+    values = np.arange(72.0)[::2]
+    cls = message_type("geometry_msgs/msg/PoseWithCovariance")
+    expected = encode(cls(covariance=list(values)))
+    assert expected[60:] == values.astype("<f8").tobytes()
+    for same in (values, values.astype(order), values.astype(int)):
+        assert encode(cls(covariance=same)) == expected
+
+
+def test_decoded_arrays_are_independent_of_the_bytes():
+    scan = message_type("sensor_msgs/msg/LaserScan")(ranges=np.ones(3))
+    raw = bytearray(encode(scan))
+    decoded = decode(memoryview(raw), "sensor_msgs/msg/LaserScan")
+    raw[4:] = bytes(len(raw) - 4)
+    decoded.ranges *= 2.0
+    np.testing.assert_array_equal(decoded.ranges, [2.0, 2.0, 2.0])
+
+
 def test_an_unknown_type_is_refused_with_the_nearest():
     with pytest.raises(InvalidInput, match="did you mean 'geometry_msgs/msg/Twist'"):
         message_type("geometry_msgs/msg/Twsit")

@@ -197,11 +197,11 @@ def _drive(
 ) -> bool:
     """Drive, print the end of each drive, and return whether all were finished."""
     from omnidrive.compiled import announce_compiling
-    from omnidrive.deploy.links.ros2 import Ros2Link
     from omnidrive.deploy.ros2.drive_reports import DriveReports
     from omnidrive.deploy.ros2.follow_path import FollowPathServer
     from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
     from omnidrive.deploy.ros2.plan_follower import PlanFollower
+    from omnidrive.deploy.ros2.ros2_link import Ros2Link
     from omnidrive.ros2 import Node
 
     made = settings.make_robot()

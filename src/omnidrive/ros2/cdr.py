@@ -8,9 +8,10 @@ that of sequences precede them as 32 bits (OMG DDS-XTypes 1.3, 7.4.3).
 from __future__ import annotations
 
 import struct
+import sys
 from collections.abc import Iterator
 from functools import cache
-from itertools import islice
+from itertools import groupby, islice
 from typing import Any, Literal
 
 import numpy as np
@@ -23,6 +24,8 @@ from omnidrive.ros2.type_hash import NO_FIELDS
 MAX_BYTES = 1 << 28
 """Longest message that is decoded, in bytes: 256 MiB, a map of 16 000 times 16 000 cells."""
 _LITTLE_ENDIAN, _BIG_ENDIAN = b"\x00\x01\x00\x00", b"\x00\x00\x00\x00"
+_NATIVE = "<" if sys.byteorder == "little" else ">"
+_COUNTS = {order: struct.Struct(order + "I") for order in "<>"}
 _CODES = {
     "bool": "?", "byte": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
     "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
@@ -94,7 +97,7 @@ class _Source:
     def count(self, least: int) -> int:
         """Read the length of a sequence whose elements have at least ``least`` bytes each."""
         at = (self.at + 3) & -4
-        (length,) = struct.unpack_from(self.order + "I", self.data, at)
+        (length,) = _COUNTS[self.order].unpack_from(self.data, at)
         self.at = at + 4
         if length * least > len(self.data) - self.at:
             raise ValueError(f"a length of {length} with {len(self.data) - self.at} bytes left")
@@ -117,7 +120,7 @@ class _Run:
     def __init__(self, fields: list[Field], distribution: Distribution) -> None:
         self.leaves = [_Leaf(field, distribution) for field in fields]
         self.codes = [code for leaf in self.leaves for code in leaf.codes]
-        self.least = sum(n * struct.calcsize(code) for code, n in self.codes)
+        self.least = sum(struct.calcsize(code) for code, _ in self.codes)
         self._layouts: dict[tuple[str, int], struct.Struct] = {}
 
     def layout(self, order: str, at: int) -> struct.Struct:
@@ -126,11 +129,10 @@ class _Run:
         found = self._layouts.get(key)
         if found is None:
             text, end = order, at & 7
-            for code, n in self.codes:
-                size = struct.calcsize(code)
-                gap = -end % size
-                text += "x" * gap + f"{n}{code}"
-                end += gap + n * size
+            for code, alignment in self.codes:
+                gap = -end % alignment
+                text += "x" * gap + code
+                end += gap + struct.calcsize(code)
             found = self._layouts[key] = struct.Struct(text)
         return found
 
@@ -144,30 +146,37 @@ class _Run:
     def read(self, source: _Source, values: list[Any]) -> None:
         """Append the values of the next bytes."""
         layout = self.layout(source.order, source.at)
-        numbers = iter(layout.unpack_from(source.data, source.at))
+        items = iter(layout.unpack_from(source.data, source.at))
         source.at += layout.size
-        values += [leaf.build(numbers) for leaf in self.leaves]
+        values += [leaf.build(items, source.order) for leaf in self.leaves]
 
 
 class _Leaf:
-    """A field of fixed size: a number, an array of numbers, or a message of such fields."""
+    """A field of fixed size: a number, an array of numbers, or a message of such fields.
+
+    Attributes:
+        codes: Format and alignment of its items in a ``struct``; an array is one item, its bytes.
+    """
 
     def __init__(self, field: Field, distribution: Distribution) -> None:
         self.field = field
+        self.is_number = field.kind == "single" and "/" not in field.type
         self.parts: list[_Leaf] = []
-        self.codes: list[tuple[str, int]]
         if "/" in field.type:
             self.cls = message_type(field.type, distribution)
             inner = self.cls.interface.fields or (NO_FIELDS,)
             self.parts = [_Leaf(each, distribution) for each in inner]
             self.empty = not self.cls.interface.fields
-            self.codes = [code for part in self.parts for code in part.codes]
+            self.plain = not self.empty and all(part.is_number for part in self.parts)
+            self.codes: list[tuple[str, int]] = [code for part in self.parts for code in part.codes]
         else:
             self.dtype = dtype_of(field.type)
-            self.codes = [(_CODES[field.type], field.length or 1)]
+            size = self.dtype.itemsize
+            code = f"{field.length * size}s" if field.kind == "array" else _CODES[field.type]
+            self.codes = [(code, size)]
 
     def flatten(self, value: Any, values: list[Any]) -> None:
-        """Append the numbers of a value."""
+        """Append the items of a value."""
         if self.parts:
             _check_class(value, self.cls)
             if self.empty:
@@ -179,55 +188,44 @@ class _Leaf:
             numbers = _checked_array(value, self.dtype)
             if len(numbers) != self.field.length:
                 raise ValueError(f"{self.field.name} needs {self.field.length} values")
-            values += numbers.tolist()
+            values.append(_array_bytes(numbers))
         else:
             values.append(value)
 
-    def build(self, numbers: Iterator[Any]) -> Any:
-        """Return the value of the next numbers."""
+    def build(self, items: Iterator[Any], order: str) -> Any:
+        """Return the value of the next items."""
         if self.parts:
-            inner = [part.build(numbers) for part in self.parts]
+            if self.plain:
+                return self.cls(*islice(items, len(self.parts)))
+            inner = [part.build(items, order) for part in self.parts]
             return self.cls() if self.empty else self.cls(*inner)
         if self.field.kind == "array":
-            return np.array(list(islice(numbers, self.field.length)), self.dtype)
-        return next(numbers)
-
-
-class _Text:
-    """A text."""
-
-    least = 4
-
-    def __init__(self, field: Field) -> None:
-        self.name, self.bound = field.name, field.bound
-
-    def write(self, out: bytearray, message: Message) -> None:
-        """Append the bytes of the part of a message."""
-        _write_text(out, getattr(message, self.name), self.bound)
-
-    def read(self, source: _Source, values: list[Any]) -> None:
-        """Append the values of the next bytes."""
-        values.append(source.text())
+            return _numbers(next(items), self.dtype, order)
+        return next(items)
 
 
 class _Texts:
-    """A sequence of texts."""
+    """A text, or a sequence of texts."""
 
     least = 4
 
     def __init__(self, field: Field) -> None:
-        self.name, self.bound = field.name, field.bound
+        self.name, self.single, self.bound = field.name, field.kind == "single", field.bound
 
     def write(self, out: bytearray, message: Message) -> None:
         """Append the bytes of the part of a message."""
-        texts = getattr(message, self.name)
-        _write_count(out, len(texts))
-        for text in texts:
+        value = getattr(message, self.name)
+        if not self.single:
+            _write_count(out, len(value))
+        for text in (value,) if self.single else value:
             _write_text(out, text, self.bound)
 
     def read(self, source: _Source, values: list[Any]) -> None:
         """Append the values of the next bytes."""
-        values.append([source.text() for _ in range(source.count(4))])
+        if self.single:
+            values.append(source.text())
+        else:
+            values.append([source.text() for _ in range(source.count(4))])
 
 
 class _Numbers:
@@ -244,7 +242,7 @@ class _Numbers:
         _write_count(out, len(numbers))
         if len(numbers):
             out += bytes(-len(out) % self.dtype.itemsize)
-            out += numbers.astype(self.dtype.newbyteorder("<"), copy=False).tobytes()
+            out += _array_bytes(numbers)
 
     def read(self, source: _Source, values: list[Any]) -> None:
         """Append the values of the next bytes."""
@@ -252,16 +250,11 @@ class _Numbers:
         length = source.count(size)
         if length:
             source.at += -source.at % size
-        end = source.at + length * size
-        raw = bytes(source.data[source.at : end])
+        raw = bytes(source.data[source.at : source.at + length * size])
         if len(raw) < length * size:
             raise ValueError("the bytes end within a sequence")
-        source.at = end
-        if self.dtype == np.bool_:
-            values.append(np.frombuffer(raw, np.uint8) != 0)
-        else:
-            found = np.frombuffer(raw, self.dtype.newbyteorder(source.order))
-            values.append(found.astype(self.dtype))
+        source.at += len(raw)
+        values.append(_numbers(raw, self.dtype, source.order))
 
 
 class _Messages:
@@ -291,7 +284,7 @@ class _Messages:
             values.append([read(source) for _ in range(source.count(self.codec.least))])
 
 
-_VariablePart = _Text | _Texts | _Numbers | _Messages
+_VariablePart = _Texts | _Numbers | _Messages
 """Encoder and decoder of one field of variable size."""
 
 
@@ -306,17 +299,12 @@ class _Codec:
         self.cls = message_type(name, distribution)
         self.empty = not self.cls.interface.fields
         self.parts: list[_Run | _VariablePart] = []
-        run: list[Field] = []
-        for field in () if self.empty else self.cls.interface.fields:
-            if _is_fixed(field, distribution):
-                run.append(field)
-                continue
-            if run:
-                self.parts.append(_Run(run, distribution))
-                run = []
-            self.parts.append(_part(field, distribution))
-        if run:
-            self.parts.append(_Run(run, distribution))
+        fields = self.cls.interface.fields
+        for fixed, group in groupby(fields, lambda field: _is_fixed(field, distribution)):
+            if fixed:
+                self.parts.append(_Run(list(group), distribution))
+            else:
+                self.parts += [_part(field, distribution) for field in group]
         self.least: int = 1 if self.empty else sum(part.least for part in self.parts)
 
     def write(self, out: bytearray, message: Message) -> None:
@@ -339,9 +327,7 @@ class _Codec:
         return self.cls(*values)
 
 
-@cache
-def _codec(name: str, distribution: Distribution) -> _Codec:
-    return _Codec(name, distribution)
+_codec = cache(_Codec)
 
 
 def _part(field: Field, distribution: Distribution) -> _VariablePart:
@@ -351,7 +337,7 @@ def _part(field: Field, distribution: Distribution) -> _VariablePart:
     if "/" in field.type:
         return _Messages(field, distribution)
     if field.type == "string":
-        return _Text(field) if field.kind == "single" else _Texts(field)
+        return _Texts(field)
     return _Numbers(field)
 
 
@@ -366,12 +352,14 @@ def _is_fixed(field: Field, distribution: Distribution) -> bool:
 
 
 def _check_class(value: Any, cls: type[Message]) -> None:
-    if not isinstance(value, Message) or value.interface != cls.interface:
+    if type(value) is not cls and getattr(value, "interface", None) != cls.interface:
         raise TypeError(f"a {cls.interface.name} is needed, got {short_repr(value, 80)}")
 
 
 def _checked_array(value: Any, dtype: np.dtype[Any]) -> np.ndarray:
     """Return a value as an array of numbers; raise ValueError if it changes them."""
+    if type(value) is np.ndarray and value.dtype == dtype and value.ndim == 1:
+        return value
     array = np.asarray(value)
     if array.ndim != 1:
         raise ValueError(f"an array of one dimension is needed, got {array.ndim}")
@@ -383,9 +371,22 @@ def _checked_array(value: Any, dtype: np.dtype[Any]) -> np.ndarray:
     return converted
 
 
+def _array_bytes(numbers: np.ndarray) -> bytes:
+    """Return numbers as bytes, little-endian."""
+    return (numbers if _NATIVE == "<" else numbers.byteswap()).tobytes()
+
+
+def _numbers(raw: bytes, dtype: np.dtype[Any], order: str) -> np.ndarray:
+    """Return the numbers that bytes in a byte order hold, as an array of its own."""
+    if dtype.kind == "b":
+        return np.frombuffer(raw, np.uint8).astype(dtype)
+    numbers = np.frombuffer(raw, dtype)
+    return numbers.copy() if order == _NATIVE else numbers.byteswap()
+
+
 def _write_count(out: bytearray, count: int) -> None:
     out += bytes(-len(out) % 4)
-    out += struct.pack("<I", count)
+    out += _COUNTS["<"].pack(count)
 
 
 def _write_text(out: bytearray, text: str, bound: int) -> None:

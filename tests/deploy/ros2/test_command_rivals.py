@@ -8,11 +8,11 @@ import pytest
 
 from omnidrive.control import FeedforwardController
 from omnidrive.deploy.clock import MonotonicClock
-from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
 from omnidrive.deploy.robot_link import LinkLost
 from omnidrive.deploy.ros2.drive_reports import ReportedPipeline
 from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
+from omnidrive.deploy.ros2.ros2_link import Ros2Link, Ros2LinkSettings
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Circle, ShapeReference

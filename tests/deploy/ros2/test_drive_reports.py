@@ -6,11 +6,11 @@ from math import nan
 import pytest
 
 from omnidrive.control import FeedforwardController
-from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
 from omnidrive.deploy.robot_link import LinkLost
 from omnidrive.deploy.ros2.drive_reports import ERROR, WARN, DriveReports, ReportedPipeline
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
 from omnidrive.deploy.ros2.plan_follower import PlanFollower
+from omnidrive.deploy.ros2.ros2_link import Ros2Link, Ros2LinkSettings
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold
 from omnidrive.ros2 import Node, message_type

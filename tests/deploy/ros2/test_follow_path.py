@@ -19,7 +19,6 @@ from cyclonedds.topic import Topic
 from omnidrive.control import FeedforwardController
 from omnidrive.control.controller import STOP
 from omnidrive.deploy.controls import DriveControls
-from omnidrive.deploy.links.ros2 import Ros2Link
 from omnidrive.deploy.robot_link import LinkLost
 from omnidrive.deploy.ros2.drive_reports import ReportedPipeline
 from omnidrive.deploy.ros2.follow_path import (
@@ -34,6 +33,7 @@ from omnidrive.deploy.ros2.follow_path import (
 )
 from omnidrive.deploy.ros2.path_follower import DriveRequests, NoPose, PathFollower
 from omnidrive.deploy.ros2.path_reference import UnknownFrame
+from omnidrive.deploy.ros2.ros2_link import Ros2Link
 from omnidrive.errors import InvalidMessage, InvalidReference
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.ros2 import Node, message_type

@@ -13,9 +13,9 @@ import pytest
 from omnidrive.control import FeedforwardController
 from omnidrive.control.controller import STOP
 from omnidrive.deploy.drive_state import DriveState
-from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
 from omnidrive.deploy.ros2.drive_reports import ReportedPipeline
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
+from omnidrive.deploy.ros2.ros2_link import Ros2Link, Ros2LinkSettings
 from omnidrive.reference import Circle, ShapeReference
 from omnidrive.ros2 import Node
 from tests.deploy.ros2.robot_process import ROBOT, running_robot

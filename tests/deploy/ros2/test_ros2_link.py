@@ -12,7 +12,6 @@ import pytest
 from omnidrive.control import FeedforwardController, Pipeline
 from omnidrive.deploy.clock import MonotonicClock
 from omnidrive.deploy.drive_state import DriveState
-from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
 from omnidrive.deploy.log import LogFolder, read_log
 from omnidrive.deploy.log_replay import replay_log
 from omnidrive.deploy.robot_link import LinkLost, RobotLink
@@ -22,6 +21,7 @@ from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
 from omnidrive.deploy.ros2.path_reference import is_same_ahead, path_poses, path_reference
 from omnidrive.deploy.ros2.plan_follower import PlanFollower
+from omnidrive.deploy.ros2.ros2_link import Ros2Link, Ros2LinkSettings
 from omnidrive.errors import InvalidInput, InvalidReference
 from omnidrive.geometry import BodyTwist, Pose, wrap
 from omnidrive.maps import OccupancyGrid

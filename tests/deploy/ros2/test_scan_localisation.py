@@ -8,12 +8,12 @@ import pytest
 
 from omnidrive.control import FeedforwardController
 from omnidrive.deploy.drive_state import DriveState
-from omnidrive.deploy.links.ros2 import Ros2Link, Ros2LinkSettings
 from omnidrive.deploy.ros2 import Ros2Robot, Ros2RobotSettings
 from omnidrive.deploy.ros2.drive_reports import ReportedPipeline
 from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
 from omnidrive.deploy.ros2.pose_source import PoseSource
+from omnidrive.deploy.ros2.ros2_link import Ros2Link, Ros2LinkSettings
 from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation, odometry_at
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import Pose

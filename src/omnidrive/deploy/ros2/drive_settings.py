@@ -14,8 +14,8 @@ from omnidrive.components import configure, find_component, parse_specification
 from omnidrive.control import Controller, Pipeline
 from omnidrive.control.components import ControllerContext
 from omnidrive.control.controller import check_controller
-from omnidrive.deploy.links.ros2 import Ros2LinkSettings
 from omnidrive.deploy.ros2.drive_reports import DriveReports, ReportedPipeline
+from omnidrive.deploy.ros2.ros2_link import Ros2LinkSettings
 from omnidrive.errors import InvalidInput, one_line, short_repr, suggestion
 from omnidrive.files.number_text import parse_number
 from omnidrive.files.str_path import StrPath, to_path

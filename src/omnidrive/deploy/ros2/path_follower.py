@@ -16,7 +16,6 @@ from omnidrive.deploy.clock import Clock, MonotonicClock
 from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.drive import DriveResult, drive
 from omnidrive.deploy.drive_state import EVENT
-from omnidrive.deploy.links.ros2 import Ros2Link
 from omnidrive.deploy.log.drive_log import LogFolder
 from omnidrive.deploy.realtime import schedule_below_loop
 from omnidrive.deploy.robot_link import LinkLost
@@ -24,6 +23,7 @@ from omnidrive.deploy.ros2.drive_files import reference_file
 from omnidrive.deploy.ros2.drive_reports import ERROR, OK, DriveReports
 from omnidrive.deploy.ros2.path_continuation import PathContinuation
 from omnidrive.deploy.ros2.path_reference import path_reference
+from omnidrive.deploy.ros2.ros2_link import Ros2Link
 from omnidrive.errors import one_line
 from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid
