@@ -15,6 +15,7 @@ from omnidrive.cli.list import _try_to_find
 from omnidrive.components import (
     component_names,
     configure,
+    entry_points,
     find_component,
     parse_specification,
     registry,
@@ -187,6 +188,20 @@ def test_name_of_two_distributions_is_rejected(monkeypatch):
     monkeypatch.setattr(registry, "entries_of", lambda group: {"twice": entries})
     with pytest.raises(InvalidInput, match="declared by several distributions"):
         find_component("controllers", "twice")
+
+
+def test_file_in_the_folder_of_laws_is_a_controller_that_is_not_imported_to_be_listed(
+    tmp_path, monkeypatch
+):
+    folder = tmp_path / "control" / "laws"
+    folder.mkdir(parents=True)
+    (folder / "new_law.py").write_text("raise RuntimeError")
+    monkeypatch.setattr(entry_points, "_PACKAGE", tmp_path)
+    find = entry_points.entries_of.__wrapped__
+    (entry,) = find("controllers")["new-law"]
+    assert entry.value == "omnidrive.control.laws.new_law:controller"
+    assert "sliding-mode" not in find("controllers")
+    assert "new-law" not in find("plants")
 
 
 def test_entry_point_that_fails_to_import_is_named(monkeypatch):

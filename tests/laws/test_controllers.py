@@ -1,5 +1,9 @@
-"""Properties of every controller. A new controller only has to be added to CONTROLLERS."""
+"""Properties of every controller. A new controller only has to be added to CONTROLLERS.
 
+Those of one file in ``control/laws`` are found.
+"""
+
+from functools import partial
 from math import hypot, nan
 
 import numpy as np
@@ -8,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.control import (
+    Command,
     DetailedController,
     FeedforwardController,
     Status,
@@ -18,13 +23,14 @@ from omnidrive.control import (
 )
 from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits
 from omnidrive.estimation import LatestFix, State
-from omnidrive.geometry import Pose
-from omnidrive.reference import Hold
+from omnidrive.geometry import BodyTwist, Pose
+from omnidrive.reference import Eight, Hold, ShapeReference
 from omnidrive.robot import named_robot
-from omnidrive.simulation import KinematicPlant, Outcome, simulate
+from omnidrive.simulation import KinematicPlant, Outcome, PlanarPlant, simulate
 from omnidrive.testing import check_controller
 from omnidrive.testing.laws import Circle, rotated
 from tests.examples import examples
+from tests.laws.one_file_laws import ONE_FILE_LAWS, one_file_law
 
 DT = 0.1
 SMALL = named_robot("small")
@@ -45,7 +51,7 @@ CONTROLLERS = {
     "nmpc": lambda dt=DT: unicycle_nmpc("paper", dt),
     "nmpc_published": lambda dt=DT: unicycle_nmpc("published-code", dt),
     "nmpc_recommended": lambda dt=DT: holonomic_nmpc(SMALL.chassis, dt),
-}
+} | {name: partial(one_file_law, name, SMALL) for name in ONE_FILE_LAWS}
 DOES_NOT_WRAP = {
     "fuzzy_t1_published",
     "fuzzy_t2_published",
@@ -100,6 +106,43 @@ def test_reaches_a_pose_and_stays(name):
     late = run.pose[-20:]
     assert np.hypot(late[:, 0] - goal.x, late[:, 1] - goal.y).max() < POSITION_ERROR.get(name, 0.02)
     assert np.abs(late[:, 2] - goal.yaw).max() < 0.02
+
+
+@pytest.mark.parametrize("name", ["feedforward", *ONE_FILE_LAWS])
+def test_feedforward_tracks_an_eight_exactly(name):
+    """From 0.1 m beside its start; an eight of 20 s is within the limits of the wheels."""
+    reference = ShapeReference(Eight(), 20.0)
+    start = reference.at(0.0).pose
+    start = start._replace(x=start.x + 0.1)
+    run = simulate(KinematicPlant(SMALL), CONTROLLERS[name](), reference, start=start, dt=DT)
+    error = np.hypot(*(run.pose[:, :2] - run.target[:, :2]).T)
+    assert error[0] == pytest.approx(0.1)
+    assert error[run.t > 5.0].max() < 1e-3
+
+
+class OneSampleLate:
+    """A controller whose commands are executed one sample later."""
+
+    def __init__(self, law):
+        self.law = law
+
+    def reset(self, state):
+        self.law.reset(state)
+        self.last = Command(BodyTwist(0.0, 0.0, 0.0))
+
+    def step(self, t, state, reference):
+        command, self.last = self.last, self.law.step(t, state, reference)
+        return command
+
+
+@pytest.mark.parametrize("robot", ["paper", "small", "mecanum", "kiwi"])
+@pytest.mark.parametrize("name", ONE_FILE_LAWS)
+def test_default_parameters_are_stable_with_a_delay_of_one_sample(name, robot):
+    robot, goal = named_robot(robot), Pose(0.1, 0.05, 0.3)
+    late = OneSampleLate(one_file_law(name, robot, DT, forces=True))
+    hold, start = Hold(goal, 6.0), Pose(0.0, 0.0, 0.0)
+    run = simulate(PlanarPlant(robot), late, hold, start=start, dt=DT)
+    assert np.abs(run.pose[-10:] - goal).max() < 2e-3
 
 
 class FailingEstimator(LatestFix):

@@ -55,6 +55,7 @@ from omnidrive.simulation import (
     simulate_commands,
 )
 from omnidrive.testing.laws import Circle
+from tests.laws.one_file_laws import ONE_FILE_LAWS, one_file_law
 
 
 @cache
@@ -70,11 +71,15 @@ def nmpc(dt, **options):
 
 SEED = 11
 PRESETS = ("recommended", "paper", "published-code")
-LAWS = {"feedforward": FeedforwardController, "nmpc": nmpc} | {
-    f"{kind} {preset}": (lambda dt, k=kind, p=preset: make_pid(k, p, dt))
-    for kind in ("pid", "t1", "t2", "t3")
-    for preset in PRESETS
-}
+LAWS = (
+    {"feedforward": FeedforwardController, "nmpc": nmpc}
+    | {name: partial(one_file_law, name, named_robot("paper")) for name in ONE_FILE_LAWS}
+    | {
+        f"{kind} {preset}": (lambda dt, k=kind, p=preset: make_pid(k, p, dt))
+        for kind in ("pid", "t1", "t2", "t3")
+        for preset in PRESETS
+    }
+)
 START = Pose(0.1, -1.1, 0.3)
 PLANTS = {"kinematic": KinematicPlant, "planar": PlanarPlant}
 FAULTS = {
@@ -159,6 +164,12 @@ def assert_equals_simulate(plant, law, reference, dt, kind, *, noisy, robot_name
 @pytest.mark.parametrize("law", ["t1 recommended", "pid recommended"])
 def test_kinematic_runs_equal_simulate(law, kind):
     assert_equals_simulate("kinematic", law, REFERENCES["sampled"], 0.1, kind, noisy=True)
+
+
+@pytest.mark.parametrize("law", ONE_FILE_LAWS)
+def test_runs_of_one_file_laws_equal_simulate(law):
+    kind = "pose-jump+solver-overrun"
+    assert_equals_simulate("kinematic", law, REFERENCES["own"], 0.1, kind, noisy=True)
 
 
 @pytest.mark.parametrize("kind", [None, "push+slope+sensor-silent", "wheel-locked+payload"])

@@ -71,10 +71,10 @@ def simulate_batch(
     consumed as they are needed. ``itertools.repeat(reference, 1000)`` is a thousand runs on one
     reference.
 
-    Supported are the plants ``kinematic`` and ``planar``; the controllers ``feedforward``, ``pid``,
-    ``fuzzy_t1``, ``fuzzy_t2``, ``fuzzy_t3`` and ``holonomic-nmpc``, and others with a
-    :class:`~omnidrive.control.compiled_law.CompiledLaw`; exact poses and :class:`PaperNoise`; all
-    faults that the plant accepts. The first use of a plant with a controller compiles their loop.
+    Supported are the plants ``kinematic`` and ``planar``; the controllers with a
+    :class:`~omnidrive.control.compiled_law.CompiledLaw`, which are those of this package but
+    ``unicycle-nmpc``; exact poses and :class:`PaperNoise`; all faults that the plant accepts. The
+    first use of a plant with a controller compiles their loop.
 
     Args:
         plant: The simulated robot; it is not changed.

@@ -231,10 +231,10 @@ def compiled_law(controller: Controller) -> CompiledLaw:
         if law is not None:
             return law
     raise InvalidInput(
-        "a batch needs a controller with a compiled law (feedforward, pid, fuzzy_t1, fuzzy_t2, "
-        f"fuzzy_t3 and holonomic-nmpc have one), got {kind_of(controller)}: use simulate for "
-        "others, for PID with channels or tuners of your own, and for holonomic-nmpc with a "
-        "deadline, another solver or moving keep-out zones"
+        "a batch needs a controller with a compiled law (all of omnidrive but unicycle-nmpc have "
+        f"one), got {kind_of(controller)}: use simulate for others, for PID with channels or "
+        "tuners of your own, and for holonomic-nmpc with a deadline, another solver or moving "
+        "keep-out zones"
     )
 
 
