@@ -56,7 +56,7 @@ def _serve():
     """Run one command for each line of the standard input, and answer with its exit status."""
     from omnidrive.study import study
 
-    for module in ("compare", "main", "study_results"):
+    for module in ("studies.compare", "main", "studies.results"):
         import_module(f"omnidrive.cli.{module}")
     study.write_figures = lambda *_: ()
     for line in sys.stdin:

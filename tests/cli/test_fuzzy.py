@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omnidrive.cli.fuzzy import fuzzy as app
+from omnidrive.cli.fuzzy_systems.fuzzy import fuzzy as app
 from omnidrive.fuzzy import (
     Footprint,
     FuzzySet,
@@ -120,7 +120,7 @@ def test_compilation_is_announced(fuzzy, monkeypatch, caplog):
         logging.getLogger("omnidrive").warning("compiling")
         yield
 
-    monkeypatch.setattr("omnidrive.cli.fuzzy_actions.announce_compiling", announce)
+    monkeypatch.setattr("omnidrive.cli.fuzzy_systems.fuzzy_actions.announce_compiling", announce)
     fuzzy("show", "tipper.fis")
     assert not caplog.records
     fuzzy("show", "tipper.fis", "--inputs", "3,8")

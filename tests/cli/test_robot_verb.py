@@ -5,7 +5,7 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from omnidrive.cli.robot import robot
+from omnidrive.cli.robots.robot import robot
 from omnidrive.errors import CannotWrite, InvalidInput, InvalidRobot
 from omnidrive.robot import load_robot, named_robot, save_robot
 from tests.robot.descriptions import mecanum_urdf

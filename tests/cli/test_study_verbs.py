@@ -6,7 +6,7 @@ import math
 import pytest
 
 from omnidrive.cli.main import load_verb
-from omnidrive.cli.study_execution import progress_text
+from omnidrive.cli.studies.execution import progress_text
 from omnidrive.cli.terminal import count_text
 from omnidrive.errors import InvalidInput, InvalidStore, InvalidStudy
 from omnidrive.study.experiment import Progress

@@ -76,7 +76,7 @@ def study(monkeypatch):
         print(f"{full=}")
 
     monkeypatch.setattr("omnidrive.study.run_study", run_study)
-    monkeypatch.setattr("omnidrive.cli.study_results.print_tables", print_tables)
+    monkeypatch.setattr("omnidrive.cli.studies.results.print_tables", print_tables)
 
 
 @pytest.mark.usefixtures("study")

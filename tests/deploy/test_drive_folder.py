@@ -9,7 +9,7 @@ import pytest
 from omnidrive import FeedforwardController, KinematicPlant, PerfectSensors, study
 from omnidrive import scenario as scenarios
 from omnidrive.cli.components import one_run
-from omnidrive.cli.drive import _shown_states
+from omnidrive.cli.drives.drive import _shown_states
 from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.control import Pipeline
 from omnidrive.deploy import drive_folder

@@ -41,7 +41,7 @@ def test_mutated_files_are_read_or_refused():
 
 READER = re.compile(r"(load|read|parse|decode|import)_[a-z0-9_]+")
 NO_READERS = {
-    "omnidrive.cli.fuzzy_actions.parse_choices": "options of the command line",
+    "omnidrive.cli.fuzzy_systems.fuzzy_actions.parse_choices": "options of the command line",
     "omnidrive.cli.main.load_verb": "a module",
     "omnidrive.cli.options.parse_coordinates": "options of the command line",
     "omnidrive.cli.options.parse_waypoint": "options of the command line",

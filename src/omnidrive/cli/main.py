@@ -38,7 +38,15 @@ VERBS = {
     "schema": "Print the JSON schema of scenario or robot files, for editors.",
     "fuzzy": "Show, convert and evaluate fuzzy systems in files: .fis, .fll, .fcl, .fml.",
 }
-"""Verbs, each with a module of the same name in this package, and the first line of their help."""
+"""Verbs, each with a module of the same name, and the first line of their help."""
+
+_FOLDERS = {
+    **dict.fromkeys(("compare", "study", "run", "tune"), "studies."),
+    **dict.fromkeys(("drive", "log", "ros2"), "drives."),
+    "robot": "robots.",
+    "fuzzy": "fuzzy_systems.",
+}
+"""Folder of the module of a verb in this package; the others are in the package itself."""
 
 
 class _LazyVerbs(TyperGroup):
@@ -52,7 +60,7 @@ class _LazyVerbs(TyperGroup):
 
 def load_verb(name: str) -> Any:
     """Import the module of a verb and return its command."""
-    verb = getattr(import_module(f"omnidrive.cli.{name}"), name)
+    verb = getattr(import_module(f"omnidrive.cli.{_FOLDERS.get(name, '')}{name}"), name)
     if not isinstance(verb, typer.Typer):
         wrapper = typer.Typer(add_completion=False, rich_markup_mode="markdown")
         wrapper.command()(verb)

@@ -10,7 +10,6 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.compiled.views import unsafe_array
 from omnidrive.estimation.drive_estimate import (
     DRIVE_ESTIMATE,
     DRIVE_PARAMETERS,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from omnidrive.cli.ros2_drive import _motion
+from omnidrive.cli.drives.ros2_drive import _motion
 from omnidrive.components.documentation import field_docs
 from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 from omnidrive.errors import InvalidInput

@@ -9,7 +9,7 @@ from pathlib import Path
 from omnidrive import study
 from omnidrive.cli.options import available_cores
 from omnidrive.cli.progress import LiveProgress
-from omnidrive.cli.study_execution import continued_by
+from omnidrive.cli.studies.execution import continued_by
 from omnidrive.cli.tables import print_tables
 from omnidrive.cli.terminal import conclude, show, warn
 from omnidrive.control.controller import FALLS_BEHIND

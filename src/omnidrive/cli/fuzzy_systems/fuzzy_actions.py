@@ -12,7 +12,7 @@ from typing import Any, get_args
 from matplotlib.figure import Figure
 
 from omnidrive.choices import ALGORITHMS, Centroid, NoRule, OutOfRange, Reduction
-from omnidrive.cli.fuzzy_text import (
+from omnidrive.cli.fuzzy_systems.fuzzy_text import (
     evaluation_lines,
     fired_lines,
     outputs_table,

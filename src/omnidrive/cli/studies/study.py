@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from omnidrive.cli.options import verb_group
-from omnidrive.cli.study_evidence import diff, export, report
-from omnidrive.cli.study_run import list_studies, run
-from omnidrive.cli.study_store import resume, status
+from omnidrive.cli.studies.definition import list_studies, run
+from omnidrive.cli.studies.evidence import diff, export, report
+from omnidrive.cli.studies.store import resume, status
 
 study = verb_group(
     "Vary anything in a scenario; show the differences and their uncertainty.\n\n"

@@ -123,7 +123,7 @@ def show(
     * `omnidrive fuzzy show tipper.fis --inputs "service=3,food=8" --out figures`
     * `omnidrive fuzzy show tipper.fis --inputs 3,8 --centroid matlab`
     """
-    from omnidrive.cli.fuzzy_actions import parse_choices, show_system
+    from omnidrive.cli.fuzzy_systems.fuzzy_actions import parse_choices, show_system
 
     choices = parse_choices(centroid=centroid, reduction=reduction, algorithm=algorithm)
     show_system(file, inputs, type2, out, samples, choices, block=block, json=json)
@@ -146,7 +146,7 @@ def convert(
     * `omnidrive fuzzy convert tipper.fis tipper.fll`
     * `omnidrive fuzzy convert tipper.fll tipper2.fis --type2 0.8,0.2`
     """
-    from omnidrive.cli.fuzzy_actions import convert_system
+    from omnidrive.cli.fuzzy_systems.fuzzy_actions import convert_system
 
     convert_system(file, out, type2, block, force)
 
@@ -178,7 +178,7 @@ def evaluate(
     * `omnidrive fuzzy eval tipper.fis --in inputs.csv --out outputs.csv --type2 0.8,0.2
       --reduction cos`
     """
-    from omnidrive.cli.fuzzy_actions import evaluate_table, parse_choices
+    from omnidrive.cli.fuzzy_systems.fuzzy_actions import evaluate_table, parse_choices
 
     choices = parse_choices(
         centroid=centroid,

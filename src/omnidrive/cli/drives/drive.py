@@ -14,7 +14,7 @@ from omnidrive import scenario as scenarios
 from omnidrive import study
 from omnidrive.cli.completion import component
 from omnidrive.cli.components import ControllerOption, chosen_component, one_run
-from omnidrive.cli.drive_errors import tracking_error
+from omnidrive.cli.drives.drive_errors import tracking_error
 from omnidrive.cli.options import (
     FiguresOption,
     FolderOption,

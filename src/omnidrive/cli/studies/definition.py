@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from omnidrive.cli.options import available_cores, default_folder, flag, option
-from omnidrive.cli.study_store import (
+from omnidrive.cli.studies.store import (
     CodeOption,
     JobsOption,
     SchedulerOption,
@@ -109,7 +109,7 @@ def run(
     if dry_run:
         _show_plan(definition)
         return
-    from omnidrive.cli.study_execution import execute_study
+    from omnidrive.cli.studies.execution import execute_study
 
     folder = out or default_folder(definition.name)
     if equal_budget is not None:
@@ -130,7 +130,7 @@ def _tuned(
 ) -> StudyDefinition:
     """Return the study with controllers that are tuned with equal numbers of trials."""
     from omnidrive import tuning
-    from omnidrive.cli.tune import TuningProgress
+    from omnidrive.cli.studies.tune import TuningProgress
 
     with TuningProgress() as progress:
         return tuning.equal_budget(

@@ -24,7 +24,7 @@ from omnidrive.cli.options import (
     flag,
     option,
 )
-from omnidrive.cli.robot import check_robot_file
+from omnidrive.cli.robots.robot import check_robot_file
 from omnidrive.cli.scenario_options import ScenarioOptions, with_options
 from omnidrive.cli.terminal import conclude
 from omnidrive.errors import InvalidInput
@@ -79,7 +79,7 @@ def run(
     * `omnidrive run --controller holonomic-nmpc --save-robot learned.yaml`
     """
     from omnidrive.cli.progress import LiveProgress, save_film
-    from omnidrive.cli.study_results import print_results
+    from omnidrive.cli.studies.results import print_results
     from omnidrive.visualization import Observer, Recorder, Viewer, check_film
 
     if out is not None:

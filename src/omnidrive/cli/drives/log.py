@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from omnidrive.cli.drive_errors import drive_errors, tracking_error
-from omnidrive.cli.log_replay import compare, replay
+from omnidrive.cli.drives.drive_errors import drive_errors, tracking_error
+from omnidrive.cli.drives.log_replay import compare, replay
 from omnidrive.cli.options import RESULTS_PANEL, ForceOption, JsonOption, option, verb_group
 from omnidrive.cli.terminal import conclude, note, print_json
 from omnidrive.cli.terminal import show as print_line

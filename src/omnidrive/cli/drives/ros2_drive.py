@@ -8,9 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from omnidrive.cli.completion import component
-from omnidrive.cli.drive_errors import tracking_error
+from omnidrive.cli.drives.drive_errors import tracking_error
+from omnidrive.cli.drives.ros2_node import (
+    DistributionOption,
+    DomainOption,
+    PeersOption,
+    node_options,
+)
 from omnidrive.cli.options import RESULTS_PANEL, default_folder, flag, option
-from omnidrive.cli.ros2_node import DistributionOption, DomainOption, PeersOption, node_options
 from omnidrive.cli.terminal import conclude, note, notes_in_a_thread, show
 from omnidrive.errors import InvalidInput, MissingExtra, one_line
 

@@ -110,7 +110,7 @@ def compare(
     * `omnidrive compare --tasks noise --noise-seeds 50`
     * `omnidrive compare --tasks faults --plant mujoco-balls`
     """
-    from omnidrive.cli.study_results import run_and_print
+    from omnidrive.cli.studies.results import run_and_print
 
     if out is not None:
         study.check_study_folder(out)

@@ -58,7 +58,7 @@ def show(
     * `omnidrive robot show mecanum`
     * `omnidrive robot show my_base.yaml --png my_base.png`
     """
-    from omnidrive.cli.robot_text import robot_record, robot_tables
+    from omnidrive.cli.robots.robot_text import robot_record, robot_tables
     from omnidrive.cli.tables import print_tables
     from omnidrive.evaluation.figures import save as save_figure
     from omnidrive.evaluation.figures.robot_card import robot_card

@@ -103,7 +103,7 @@ def resume(
 
     definition, until = load_study(folder, allow_code=allow_code)
     if (folder / SCENARIO_FILE).is_file():
-        from omnidrive.cli.study_results import run_and_print
+        from omnidrive.cli.studies.results import run_and_print
 
         if scheduler is not None:
             raise InvalidInput(
@@ -111,7 +111,7 @@ def resume(
             )
         run_and_print(definition.scenario, folder, jobs=jobs, run_timeout=run_timeout)
         return
-    from omnidrive.cli.study_execution import execute_study
+    from omnidrive.cli.studies.execution import execute_study
 
     execute_study(
         definition,

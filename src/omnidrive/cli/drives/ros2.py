@@ -7,6 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from omnidrive.cli.completion import component
+from omnidrive.cli.drives.ros2_drive import drive
+from omnidrive.cli.drives.ros2_node import (
+    DistributionOption,
+    DomainOption,
+    PeersOption,
+    node_options,
+)
 from omnidrive.cli.options import (
     JsonOption,
     choice,
@@ -16,8 +23,6 @@ from omnidrive.cli.options import (
     parse_waypoint,
     verb_group,
 )
-from omnidrive.cli.ros2_drive import drive
-from omnidrive.cli.ros2_node import DistributionOption, DomainOption, PeersOption, node_options
 from omnidrive.cli.terminal import conclude, print_json, show
 from omnidrive.errors import one_line
 

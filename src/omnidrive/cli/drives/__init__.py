@@ -1,0 +1,1 @@
+"""Commands of real robots: drives, logs and ROS 2."""

@@ -1,0 +1,1 @@
+"""Commands that simulate: runs, comparisons, studies and tuning."""
