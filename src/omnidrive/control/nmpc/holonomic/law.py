@@ -84,6 +84,20 @@ STEP = np.dtype([
 standing target; and the number of steps along the latest plan, 0 without a plan."""
 
 
+DETAILS = np.dtype([
+    ("fallback_level", "f8"),
+    ("solver_iterations", "f8"),
+    ("kkt_residual", "f8"),
+    ("disturbance", "f8", 3),
+    ("pose_noise", "f8"),
+    ("reference_delay", "f8"),
+])  # fmt: skip
+"""Details of a command without those of the identification, see
+``HolonomicController.detail_units``."""
+
+_COLUMNS = DETAILS.itemsize // 8
+
+
 class LawMemory(NamedTuple):
     """What the law keeps from one sample to the next, all zero at the start."""
 
@@ -227,15 +241,16 @@ def finish(  # noqa: PLR0917
             level = _FEASIBLE
     else:
         remember(motion, twist)
-    details[0], details[1], details[2] = level, 0.0, nan
+    row = details[:_COLUMNS].view(DETAILS)[0]
+    row.fallback_level, row.solver_iterations, row.kkt_residual = level, 0.0, nan
     if solved:
-        details[1], details[2] = figures.iterations, figures.residual
+        row.solver_iterations, row.kkt_residual = figures.iterations, figures.residual
     disturbance = disturbance_at(data.robot.model, motion.state[0], twist)
     for a in range(3):
-        command[a], details[3 + a] = twist[a], disturbance[a]
-    details[6], details[7] = sqrt(position_variance(motion.state[0])), delay
-    if len(details) > 8:
-        write_estimate(motion.identified.state[0].estimate, details[8:])
+        command[a], row.disturbance[a] = twist[a], disturbance[a]
+    row.pose_noise, row.reference_delay = sqrt(position_variance(motion.state[0])), delay
+    if len(details) > _COLUMNS:
+        write_estimate(motion.identified.state[0].estimate, details[_COLUMNS:])
     return status
 
 
