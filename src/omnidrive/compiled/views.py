@@ -68,13 +68,6 @@ def unsafe_matrix(array: Array, begin: int, rows: int, columns: int) -> Array:
     return view
 
 
-@inlined
-def unsafe_array(array: Array, begin: int, shape: tuple[int, ...]) -> Array:
-    """Return part of a contiguous vector as an array in C order."""
-    view: Array = _carray(_pointer(array, array.ctypes.data, begin), shape)
-    return view
-
-
 if USES_INTERNALS:
     from omnidrive.compiled import numba_internals
 

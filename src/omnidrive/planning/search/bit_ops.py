@@ -19,8 +19,7 @@ uint64: Any = np.uint64
 _integer: Any = ir.IntType  # llvmlite has no types
 
 
-@intrinsic
-def trailing_zeros(_: Any, value: Any) -> Any:
+def _trailing_zeros(_: Any, value: Any) -> Any:
     """Index of the lowest bit that is 1; for 0 the width of the type in bits."""
 
     def build(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
@@ -30,8 +29,7 @@ def trailing_zeros(_: Any, value: Any) -> Any:
     return value(value), build
 
 
-@intrinsic
-def leading_zeros(_: Any, value: Any) -> Any:
+def _leading_zeros(_: Any, value: Any) -> Any:
     """Number of 0 bits above the highest bit that is 1; for 0 the width of the type in bits."""
 
     def build(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
@@ -39,3 +37,10 @@ def leading_zeros(_: Any, value: Any) -> Any:
         return builder.ctlz(arguments[0], _integer(1)(0))
 
     return value(value), build
+
+
+trailing_zeros: Any = intrinsic(_trailing_zeros)
+"""Return the index of the lowest bit that is 1; for 0 the width of the type in bits."""
+
+leading_zeros: Any = intrinsic(_leading_zeros)
+"""Return the number of 0 bits above the highest bit that is 1; for 0 the width of the type."""
