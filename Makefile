@@ -5,6 +5,9 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # byte code of the environment on all cores, faster than pip, which uses one
 BYTECODE := $(BIN)/python -m compileall -q -q -j 0 .venv/lib src || true
 
+# checks the types and shapes of all arguments and results at run time, which doubles the time of the tests
+CHECKED := omnidrive,beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))
+
 .PHONY: help demo env test quick lint types contract test-long docs notebook peers-if-possible lock clean
 
 help:  ## list the targets
@@ -21,8 +24,9 @@ test: .venv/ready-dev lint contract  ## lint, types, import contract and every q
 quick: .venv/ready-dev
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not long"
 
-test-long: .venv/ready-dev  ## tests that take minutes, and property tests with new examples
+test-long: .venv/ready-dev  ## tests that take minutes; quick ones with types checked; new examples of property tests
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m long
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not long" --jaxtyping-packages='$(CHECKED)'
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "hypothesis and not long" --hypothesis-profile=fresh
 
 lint: .venv/ready-dev
