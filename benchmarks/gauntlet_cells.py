@@ -219,7 +219,7 @@ def figures_of(cell: Cell) -> Figures:
     if cell.part in ("noise", "study") or cell.reference not in SHAPES | STEPS | {IMPOSSIBLE: 0}:
         settings = study_runs(cell.part, cell.plant, preset)[cell]
         return study_figures(
-            simulate_run(planned_study(cell.part, cell.plant, preset), settings).run, settings
+            simulate_run(planned_study(cell.part, cell.plant, preset), settings), settings
         )
     return FIGURES[cell.part](cell, simulated(cell))
 

@@ -12,6 +12,7 @@ from time import perf_counter, process_time
 
 from figures import at_least, at_most, publish, row
 
+from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.scenario import paper_scenario
 from omnidrive.scenario.run_settings import RunSettings
 from omnidrive.scenario.scenario_file import scenario_data
@@ -19,7 +20,6 @@ from omnidrive.scenario.tasks import NoiseTask, Tasks
 from omnidrive.study import parse_definition, run_experiment
 from omnidrive.study.experiment import Experiment, Progress
 from omnidrive.study.planned_run import PlannedRun
-from omnidrive.study.run_record import RunRecord
 
 EACH = 0.002  # s of processor time of a run of the benchmark of the engine
 SECONDS = 8.0  # of work, after the first blocks

@@ -16,6 +16,7 @@ if __name__ == "__main__":  # worker processes import this file
         tasks={"track": {"durations": [20.0]}},
     )
     study = od.run_study(scenario, folder, processes=2)
-    for run in study.results.tracks:
-        print(f"{run.name:<28} ME {run.metrics.me:.4f} m   MAE {run.metrics.mae:.4f} rad")
+    for run in study.records:
+        me, mae = run.metrics["me"], run.metrics["mae"]
+        print(f"{run.name:<28} ME {me:.4f} m   MAE {mae:.4f} rad")
     print(f"open {folder / 'report.html'}")

@@ -54,11 +54,11 @@ def _server():
 
 def _serve():
     """Run one command for each line of the standard input, and answer with its exit status."""
-    from omnidrive.study import study
+    from omnidrive.evaluation import study_report
 
     for module in ("studies.compare", "main", "studies.results"):
         import_module(f"omnidrive.cli.{module}")
-    study.write_figures = lambda *_: ()
+    study_report.write_figures = lambda *_: ()
     for line in sys.stdin:
         process = os.fork()
         if process == 0:

@@ -9,7 +9,7 @@ from tests.docs.blocks import ROOT
 
 def test_suggestion_is_the_closest_name_or_a_list():
     assert suggestion("colour", ["size", "color"]) == "; did you mean 'color'?"
-    assert suggestion("x", ["ab", "cd", "ef"], most=2) == "; there are ab, cd, ..."
+    assert suggestion("x", ["ab", "cd", "ef"], maximum=2) == "; there are ab, cd, ..."
 
 
 def test_names_of_a_file_are_shown_as_one_short_line():
@@ -71,8 +71,8 @@ def test_packages_in_messages_are_those_of_the_extras():
 
 def test_suggestions_name_the_nearest_of_many_names_and_sort_sets():
     many = [f"name{k:02}" for k in range(20)] + ["longitude"]
-    assert suggestion("quux", many, most=30) == f"; there are {', '.join(many)}"
-    assert suggestion("titude of all things that are", many, most=2).startswith(
+    assert suggestion("quux", many, maximum=30) == f"; there are {', '.join(many)}"
+    assert suggestion("titude of all things that are", many, maximum=2).startswith(
         "; there are longitude, name"
     )
     assert suggestion("xyzzy", {"b", "c", "a"}) == "; there are a, b, c"

@@ -177,7 +177,7 @@ def test_the_picture_of_a_large_map_is_small():
 
 def test_a_study_shows_its_tables(study):
     text = text_of(study._repr_html_())
-    assert study.results.title in text
+    assert study.facts.name in text
     assert study.tables[0].rows[0][0] in text
     lead = study.tables[0].lead
     assert lead

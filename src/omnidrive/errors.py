@@ -193,23 +193,23 @@ def closest(name: str, known: Iterable[str], *, cutoff: float = 0.5) -> str | No
     return names[found[0]] if found else None
 
 
-def suggestion(name: str, known: Iterable[str], *, most: int = 12) -> str:
+def suggestion(name: str, known: Iterable[str], *, maximum: int = 12) -> str:
     """Return the end of an error message about an unknown name.
 
     It is ``; did you mean 'a'?`` if a known name is similar, otherwise ``; there are a, b`` with at
-    most ``most`` names: of more, the nearest. Those of a set are in alphabetic order. The names may
-    come from a file: they are shown as one line, cut if long.
+    most ``maximum`` names: of more, the nearest. Those of a set are in alphabetic order. The names
+    may come from a file: they are shown as one line, cut if long.
     """
     ordered = sorted(known) if isinstance(known, Set) else known
     names = [one_line(each, 60) for each in ordered]
     near = closest(name, names)
     if near is not None:
         return f"; did you mean '{near}'?"
-    if len(names) > most:
+    if len(names) > maximum:
         names.sort(
             key=lambda each: -SequenceMatcher(None, name[:100].lower(), each.lower()).ratio()
         )
-    return f"; there are {', '.join(names[:most])}{', ...' if len(names) > most else ''}"
+    return f"; there are {', '.join(names[:maximum])}{', ...' if len(names) > maximum else ''}"
 
 
 def kind_of(value: object) -> str:

@@ -85,15 +85,19 @@ def test_compare_with_several_seeds(tmp_path):
         "--controllers", "fuzzy_t1,fuzzy_t2", "--out", "here", cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    tie = "Noise 30 s: no difference shown between fuzzy_t1 and fuzzy_t2, and none can be with 3"
+    tie = "Noise 30 s: no difference in ME is shown between fuzzy_t1, 86.3 mm [80.9, 91.7], and fuz"
     assert done.stdout.startswith(tie), done.stdout
-    assert "no difference shown, p = " in done.stdout
-    assert "Paired differences with noise" not in done.stdout
+    assert "(p = 0.250" in done.stdout
+    needed = (
+        "With 3 repetitions no difference between runs that vary can be shown at 5 %: one pair of"
+    )
+    assert needed in " ".join(done.stdout.split())
+    assert "Paired differences" not in done.stdout
     assert "Fuzzy rules" not in done.stdout
     data = json.loads((tmp_path / "here" / "results.json").read_text())
     assert data["scenario"]["tasks"]["noise"]["repeats"] == 3
     assert len(data["runs"]) == 6
-    assert "Paired differences with noise" in (tmp_path / "here" / "report.html").read_text()
+    assert "Paired differences" in (tmp_path / "here" / "report.html").read_text()
 
 
 @pytest.mark.long
@@ -120,7 +124,7 @@ def test_compare_on_user_map(tmp_path):
     data = json.loads((tmp_path / "depot" / "results.json").read_text())
     assert all(r["finished"] and r["min_clearance"] > 0 for r in data["runs"])
     again = run_study(load_scenario(tmp_path / "depot" / "scenario.yaml"))
-    assert [r.metrics.me for r in again.results.tracks] == [r["me"] for r in data["runs"]]
+    assert [r.metrics["me"] for r in again.records] == [r["me"] for r in data["runs"]]
 
 
 def test_plan_and_run(tmp_path):
@@ -283,7 +287,7 @@ def test_assumed_radius_of_published_code_depends_on_preset(tmp_path, args, arm)
 def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
     code = (
         "import sys, omnidrive.control.nmpc.holonomic.controller as f, omnidrive.control as c\n"
-        "import omnidrive.study.study as s\n"
+        "import omnidrive.evaluation.study_report as s\n"
         "s.write_figures = lambda *_: ()\n"
         "real = f.HolonomicController.step\n"
         "def step(self, t, state, reference):\n"
@@ -299,7 +303,7 @@ def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 1
-    assert "stopped early: track-holonomic-nmpc-20s at 3 s" in " ".join(done.stderr.split())
+    assert "stopped early: track-holonomic-nmpc-20s (at 3 s: " in " ".join(done.stderr.split())
     assert "holonomic-nmpc (stopped at 3 s)" in done.stdout
     assert "0.00" not in done.stdout.split("ME:")[0]
     runs = json.loads((tmp_path / "failed" / "results.json").read_text())["runs"]

@@ -13,7 +13,10 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from omnidrive.errors import OmnidriveError
 from omnidrive.scenario import load_scenario
+from omnidrive.study import read_study
+from omnidrive.study.store import Store
 
 PROC = Path("/proc")
 TIMEOUT = 200  # s; the steps take two seconds on an idle desktop computer
@@ -68,6 +71,14 @@ def wait_for(condition, seconds=TIMEOUT):
         time.sleep(0.02)
 
 
+def has_results(folder):
+    """Return whether a run of the study in a folder is stored."""
+    if (folder / "runs.sqlite").exists():
+        with suppress(OmnidriveError), Store(folder, read_only=True) as store:  # being created
+            return store.count > 0
+    return False
+
+
 @contextmanager
 def command(folder, args=MANY_RUNS, **env):
     """Run a command in a separate process group; wait until Python has started."""
@@ -115,7 +126,7 @@ def interrupt(process, number):
 )
 def test_workers_end_with_the_command_and_results_are_kept(tmp_path, number):
     with command(tmp_path) as process:
-        wait_for((tmp_path / "cut" / "results.json").exists)  # both workers are running
+        wait_for(lambda: has_results(tmp_path / "cut"))  # both workers are running
         process.send_signal(number)
         process.wait(TIMEOUT)
         wait_for(lambda: not alive(process.pid), 30)
@@ -125,7 +136,8 @@ def test_workers_end_with_the_command_and_results_are_kept(tmp_path, number):
     else:
         assert process.returncode == 128 + number
         assert "interrupted" in errors
-    assert json.loads((tmp_path / "cut" / "results.json").read_text())["runs"]
+        assert json.loads((tmp_path / "cut" / "results.json").read_text())["runs"]
+    assert check_readable(tmp_path / "cut")
 
 
 def test_closed_terminal_ends_without_traceback(tmp_path):
@@ -150,7 +162,7 @@ def test_ctrl_c_before_worker_start_ends_without_traceback(tmp_path):
 
 def test_second_ctrl_c_ends_at_once(tmp_path):
     with command(tmp_path) as process:
-        wait_for((tmp_path / "cut" / "results.json").exists)
+        wait_for(lambda: has_results(tmp_path / "cut"))
         while process.poll() is None:
             os.killpg(process.pid, signal.SIGINT)
         finish(process)
@@ -162,7 +174,7 @@ def test_second_ctrl_c_ends_at_once(tmp_path):
 def test_killed_worker_delays_the_study_only(tmp_path):
     few = [*MANY_RUNS[:-1], "20"]
     with command(tmp_path, few) as process:
-        wait_for((tmp_path / "cut" / "results.json").exists)
+        wait_for(lambda: has_results(tmp_path / "cut"))
         os.kill(workers(process.pid)[0], signal.SIGKILL)
         errors = finish(process)
     assert process.returncode == 0, errors
@@ -189,9 +201,8 @@ def reached(phase, folder):
     return phase not in files or (folder / "out" / files[phase]).exists()
 
 
-def check_readable(folder):
+def check_readable(out):
     """Check that every file without the suffix .part is complete; return the number of runs."""
-    out = folder / "out"
     if (out / "scenario.yaml").exists():
         load_scenario(out / "scenario.yaml")
     for path in out.glob("series/*.parquet"):
@@ -199,12 +210,15 @@ def check_readable(folder):
     for pattern, end in (("*.svg", b"</svg>"), ("*.pdf", b"%%EOF"), ("*.html", b"</html>")):
         for path in out.rglob(pattern):
             assert path.read_bytes().rstrip().endswith(end), path
-    if not (out / "results.json").exists():
+    if (out / "results.json").exists():
+        data = json.loads((out / "results.json").read_text())
+        for record in (*data["runs"], *data["step_response"]):
+            assert (out / record["series"]).exists()
+    if not has_results(out):
         return 0
-    data = json.loads((out / "results.json").read_text())
-    records = [*data["runs"], *data["step_response"]]
+    records = read_study(out).records
     for record in records:
-        assert (out / record["series"]).exists()
+        assert (out / "series" / f"{record.name}.parquet").exists()
     return len(records)
 
 
@@ -240,7 +254,7 @@ def signal_once(folder, seed, cold_cache):
     assert status in expected or ended_itself, f"{what}\n{errors}"
     if number != signal.SIGKILL:  # then helpers of libraries may complain
         assert "Traceback" not in errors, f"{what}\n{errors}"
-    runs = check_readable(folder)
+    runs = check_readable(folder / "out")
     return f"{what}; {runs} runs{' (too late)' if late or ended_itself else ''}"
 
 

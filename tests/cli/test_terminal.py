@@ -60,9 +60,9 @@ def test_quiet_json_prints_only_json(command):
 @pytest.fixture
 def study(monkeypatch):
     """A study that is not simulated, with an event, a collision and an overlap."""
-    run = Mock(run=Mock(events=[Event(1.0, "a push")]))
+    run = Mock(task="track", log=Mock(events=[Event(1.0, "a push")]))
     made = Mock(
-        spec=Study, results=Mock(runs=[run], types={}), tables=[], timing={"plan": 1.0},
+        spec=Study, logs=Mock(runs=[run]), facts=Mock(types={}), tables=[], timing={"plan": 1.0},
         collisions={"track": 2}, overlaps=["step"],
     )  # fmt: skip
 
@@ -108,7 +108,7 @@ def test_compiling_is_noted_once(command, monkeypatch, verb):
         raise InvalidInput("enough")
 
     monkeypatch.setattr("omnidrive.scenario.plan_and_check", compiling)
-    monkeypatch.setattr(import_module("omnidrive.study.study"), "plan_and_check", compiling)
+    monkeypatch.setattr(import_module("omnidrive.study.run_study"), "plan_and_check", compiling)
     status, _, err = command(verb)
     assert (status, err.count("enough"), err.count("note: compiling")) == (2, 1, 1)
 

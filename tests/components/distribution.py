@@ -26,7 +26,8 @@ def environment_with(folder):
 
 
 WITHOUT_FIGURES = (
-    "import sys; from omnidrive.study import study; study.write_figures = lambda *_: ();"
+    "import sys; from omnidrive.evaluation import study_report;"
+    "study_report.write_figures = lambda *_: ();"
     "from omnidrive.cli import main; sys.argv[0] = 'omnidrive'; main()"
 )
 """Program that runs a command; figures take most of its time and have tests of their own."""

@@ -48,8 +48,8 @@ scenario = od.paper_scenario().with_values(
     controllers=["decay", "feedforward"], plant="planar", tasks={"track": {"durations": [20, 30]}}
 )
 study = od.run_study(scenario, processes=1)
-for result in study.results.tracks:
-    result.run.save(f"{result.name}.parquet")
+for run in study.logs.runs:
+    run.log.save(f"{run.name}.parquet")
 print(scenario.controllers["decay"].component.origin)
 """
     assert "omnidrive-decay 0.1.0" in run(environment, tmp_path, "-c", code)

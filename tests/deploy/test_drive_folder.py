@@ -12,7 +12,6 @@ from omnidrive.cli.components import one_run
 from omnidrive.cli.drives.drive import _shown_states
 from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.control import Pipeline
-from omnidrive.deploy import drive_folder
 from omnidrive.deploy.clock import SimulatedClock
 from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.drive import drive
@@ -20,6 +19,7 @@ from omnidrive.deploy.drive_folder import save_drive
 from omnidrive.deploy.links.simulated import SimulatedLink, SimulatedRobot
 from omnidrive.deploy.scenario_files import attached_inputs
 from omnidrive.evaluation import plot
+from omnidrive.evaluation.figures import catalogue
 from tests.command import omnidrive
 
 RATE = 10.0
@@ -55,41 +55,37 @@ def result(planned):
     return driven(planned)
 
 
+def few_figures(patch):
+    """Draw the figure ``effort`` of the study only: all of them take seconds."""
+    every = catalogue.log_drawings
+    patch.setattr(catalogue, "log_drawings", lambda logs: {"effort": every(logs)["effort"]})
+
+
 @pytest.fixture(scope="module")
 def folder(planned, result, tmp_path_factory):
     made = study.RunFolder(tmp_path_factory.mktemp("drive") / "folder")
     made.save_inputs(planned)
-    drawn = []
-
-    def draw(results, path, formats):
-        assert formats == ("svg", "pdf")
-        drawn.append((results.tracks[0].name, path))
-        path.mkdir()
-        return []
-
-    with pytest.MonkeyPatch.context() as patch:  # the figures of studies take seconds
-        patch.setattr(drive_folder, "write_figures", draw)
+    with pytest.MonkeyPatch.context() as patch:
+        few_figures(patch)
         save_drive(result, planned, "simulated", made)
-    assert drawn == [(f"track-feedforward-{result.run.t[-1]:g}s", made.path / "figures")]
     return made
 
 
-def test_folder_has_the_files_of_a_simulation(folder):
+def test_folder_has_the_files_of_a_simulation(folder, result):
     present = {path.name for path in folder.path.iterdir()}
     assert present >= {"scenario.yaml", "results.json", "report.html", "figures", "series"}
-    for name in ("punctuality.svg", "punctuality.pdf"):
+    for name in ("punctuality.svg", "punctuality.pdf", "effort.svg", "effort.pdf"):
         assert (folder.path / "figures" / name).stat().st_size > 1000
     series = list((folder.path / "series").iterdir())
-    assert [each.suffix for each in series] == [".parquet"]
+    assert [each.name for each in series] == [f"track-feedforward-{result.run.t[-1]:g}s.parquet"]
 
 
 def test_formats_of_the_figures_are_chosen(planned, result, tmp_path, monkeypatch):
-    def draw(results, path, formats):
-        path.mkdir()
-        return []
-
-    monkeypatch.setattr(drive_folder, "write_figures", draw)
-    for formats, files, shown in ((("png",), {"punctuality.png"}, 1), ((), set(), 0)):
+    few_figures(monkeypatch)
+    for formats, files, shown in (
+        (("png",), {"punctuality.png", "effort.png"}, 1),
+        ((), set(), 0),
+    ):
         made = study.RunFolder(tmp_path / str(len(formats)))
         made.save_inputs(planned)
         page = save_drive(result, planned, "simulated", made, formats).read_text()

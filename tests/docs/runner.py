@@ -25,10 +25,10 @@ from typer.testing import CliRunner
 from omnidrive.cli.main import app, load_verb
 from omnidrive.components import code as named_code
 from omnidrive.errors import CannotDraw, OmnidriveError
+from omnidrive.evaluation import study_report
 from omnidrive.robot import named_robot
 from omnidrive.scenario import load_scenario, paper_scenario
 from omnidrive.scenario.scenario_file import scenario_data
-from omnidrive.study import study
 from tests.docs.blocks import ROOT, Block, blocks
 from tests.simulation.coppeliasim.fake_server import fake_server
 
@@ -40,7 +40,7 @@ _EXTERNAL = {"cd", "docker", "git", "open", "ros2", "uv", "xdg-open"}
 
 _SIMULATING = {"run", "compare"}
 
-write_figures = study.write_figures
+write_figures = study_report.write_figures
 
 
 class PageRunner:
@@ -196,7 +196,7 @@ def run_page(page: Path, folder: Path, *, is_long: bool) -> str:
 
 
 def _run_blocks(page: Path, folder: Path, *, is_long: bool) -> str:
-    study.write_figures = write_figures if is_long else lambda *_: ()
+    study_report.write_figures = write_figures if is_long else lambda *_: ()
     runner = PageRunner(folder, is_long=is_long)
     for block in blocks(page):
         if block.is_long and not is_long:

@@ -8,14 +8,16 @@ import pytest
 from omnidrive.control import FeedforwardController, FeedforwardGains
 from omnidrive.control.pid import gain_inference
 from omnidrive.evaluation.metrics import measure
-from omnidrive.evaluation.results import ControllerType, StepResult, StudyResults, TrackResult
 from omnidrive.evaluation.step_response import step_response
+from omnidrive.evaluation.study_logs import ControllerType, RecordedRun, StudyLogs
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path, SplinePath
 from omnidrive.reference import Hold, time_uniformly
 from omnidrive.robot import named_robot
 from omnidrive.simulation import KinematicPlant, PaperNoise, simulate
+from omnidrive.study.run_recording import step_values, tracking_values
+from tests.evaluation.recorded import labelled, record
 
 DT = 0.1
 ROBOT = named_robot("paper")
@@ -67,9 +69,10 @@ def tracked(controller, task, duration, horizon=None):
     run.raise_if_failed()
     clearance = float(grid().clearance(run.pose[:, :2]).min()) - ROBOT.body_radius
     metrics = measure(run, ROBOT.drive)
-    return TrackResult(
-        controller, task, duration, noise is not None, horizon, run, metrics, clearance
-    )
+    variant = f"N = {horizon}" if horizon else ""
+    values, timing = tracking_values(metrics, 0, clearance)
+    made = record(task, controller, values, timing, duration=duration, variant=variant)
+    return RecordedRun(made, run)
 
 
 def stepped(controller):
@@ -81,17 +84,19 @@ def stepped(controller):
         start=Pose(0.0, 0.0, 0.0),
         dt=DT,
     )
-    x, y, heading = (step_response(run.t, run.pose[:, i], 0.0, goal[i]) for i in range(3))
-    return StepResult(controller, run, (x, y, heading))
+    responses = [step_response(run.t, run.pose[:, i], 0.0, goal[i]) for i in range(3)]
+    values = step_values(responses, float(run.work[-1]))
+    return RecordedRun(record("step", controller, values, duration=10.0), run)
 
 
 @pytest.fixture(scope="session")
 def study():
-    tracks = [tracked(c, "track", T) for T in (20.0, 30.0) for c in GAINS]
-    tracks += [tracked(c, "noise", 30.0) for c in GAINS]
-    tracks += [tracked("unicycle-nmpc", "horizon", 20.0, n) for n in (5, 10, 15, 20, 25, 30)]
+    runs = [tracked(c, "track", T) for T in (20.0, 30.0) for c in GAINS]
+    runs += [tracked(c, "noise", 30.0) for c in GAINS]
+    runs += [stepped(c) for c in GAINS]
+    runs += [tracked("unicycle-nmpc", "horizon", 20.0, n) for n in (5, 10, 15, 20, 25, 30)]
     path = cells()
-    return StudyResults(
+    return StudyLogs(
         title="The paper's study",
         robot=ROBOT,
         plant="kinematic",
@@ -100,8 +105,7 @@ def study():
         free_space=grid().inflated(0.75),
         grid_path=path,
         spline=SplinePath(path.poses),
-        tracks=tuple(tracks),
-        steps=tuple(stepped(c) for c in GAINS),
+        runs=tuple(runs),
         types={
             name: ControllerType(name, "", "", gain_inference(kind, "paper").system)
             for name, kind in (("fuzzy_t1", "t1"), ("fuzzy_t2", "t2"))
@@ -111,7 +115,7 @@ def study():
 
 def with_gains(result, *, constant=False):
     """Return the run with logged gains, varying or constant."""
-    t = result.run.t
+    t = result.log.t
     variation = np.where(t < t[-1], 0.0 if constant else np.sin(t), np.nan)
     columns = {
         f"{name}_{axis}": (middle + share * variation, unit)
@@ -121,18 +125,18 @@ def with_gains(result, *, constant=False):
     }  # fmt: skip
     details = {name: values for name, (values, _) in columns.items()}
     units = {name: unit for name, (_, unit) in columns.items()}
-    return replace(result, run=replace(result.run, details=details, detail_units=units))
+    return result._replace(log=replace(result.log, details=details, detail_units=units))
 
 
 @pytest.fixture(scope="session")
 def tuning(part):
     """Two tracking runs: one with varying gains, one with constant gains."""
-    first, other = part.tracks
+    first, other = part.runs
     return replace(
         part,
-        tracks=(
-            with_gains(replace(first, controller="fuzzy_t1")),
-            with_gains(replace(other, controller="pid"), constant=True),
+        runs=(
+            with_gains(labelled(first, controller="fuzzy_t1")),
+            with_gains(labelled(other, controller="pid"), constant=True),
         ),
     )
 
@@ -145,4 +149,4 @@ def part(study):
         for r in study.select("track", duration=20.0)
         if r.controller in ("unicycle-nmpc", "holonomic-nmpc")
     )
-    return replace(study, tracks=keep, steps=())
+    return replace(study, runs=keep)

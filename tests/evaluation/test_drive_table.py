@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from omnidrive.estimation.drive_estimate import DRIVE_UNITS, logged_drive
-from omnidrive.evaluation import study_tables
+from tests.evaluation.recorded import reported
 
 FOUND = (0.95, 1.0, 0.9, 0.08, 0.05, 0.07, 0.01, 0.07, 0.02, 0.002, 0.014, 0.004, 0.005)
 """Estimates and standard errors; the motion did not suffice for the gain in y."""
@@ -13,15 +13,15 @@ FOUND = (0.95, 1.0, 0.9, 0.08, 0.05, 0.07, 0.01, 0.07, 0.02, 0.002, 0.014, 0.004
 
 def with_drive(result):
     """The result of a controller that identified the drive; its last row has no details."""
-    rows = np.ones((len(result.run.t), len(FOUND)))
+    rows = np.ones((len(result.log.t), len(FOUND)))
     rows[-2], rows[-1] = FOUND, np.nan
     columns = dict(zip(DRIVE_UNITS, rows.T, strict=True))
-    return replace(result, run=replace(result.run, details=columns, detail_units=dict(DRIVE_UNITS)))
+    return result._replace(log=replace(result.log, details=columns, detail_units=dict(DRIVE_UNITS)))
 
 
 def test_the_last_estimates_of_a_run_are_shown_with_their_intervals(part):
-    result = with_drive(part.tracks[0])
-    tables = study_tables(replace(part, tracks=(result, part.tracks[1])), published=False)
+    result = with_drive(part.runs[0])
+    tables = reported(replace(part, runs=(result, part.runs[1]))).tables
     (table,) = [each for each in tables if each.title == "Identified drive"]
     assert [row[0] for row in table.rows] == [result.name]
     cells = dict(zip(table.columns, table.rows[0], strict=True))
@@ -33,12 +33,12 @@ def test_the_last_estimates_of_a_run_are_shown_with_their_intervals(part):
 
 
 def test_runs_without_identification_have_no_table(part):
-    titles = [table.title for table in study_tables(part, published=False)]
+    titles = [table.title for table in reported(part).tables]
     assert "Identified drive" not in titles
 
 
 def test_estimates_are_read_from_the_log(part):
-    run = with_drive(part.tracks[0]).run
+    run = with_drive(part.runs[0]).log
     found = logged_drive(run.details)
     assert found.gains == FOUND[:3]
     assert (found.lag, found.delay, found.yaw_lag, found.sum_error) == (0.08, 0.05, 0.07, 0.005)

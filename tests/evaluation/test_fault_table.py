@@ -1,30 +1,34 @@
 """Table of the recoveries from faults."""
 
 from dataclasses import replace
+from math import nan
 
 import pytest
 
 from omnidrive.control.supervision import Event
-from omnidrive.evaluation import FaultResult, study_tables
+from omnidrive.evaluation.study_logs import RecordedRun
 from omnidrive.simulation import Outcome
 from omnidrive.simulation.disturbances import parse_fault
+from tests.evaluation.recorded import ended, record, reported
 from tests.evaluation.truncation import truncated
 
 
 @pytest.fixture
 def faulted(part):
     """The study with one fault-free run and one run that the watchdog stops."""
-    result = part.tracks[0]
-    undisturbed = FaultResult("unicycle-nmpc", 0, None, 20.0, result.run, result.metrics)
+    log = part.runs[0].log
+    free = record("faults", "unicycle-nmpc", {"me": 0.01}, variant="00-none")
     fault = parse_fault("encoder-dead:wheel=1,at=4")
     events = (Event(4.0, "encoder-dead begins"), Event(4.5, "the watchdog stops the robot"))
-    run = truncated(result.run, 60, outcome=Outcome.STOPPED, events=events)
-    stopped = FaultResult("unicycle-nmpc", 1, fault, 20.0, run, result.metrics)
-    return replace(part, tracks=(), faults=(undisturbed, stopped))
+    cut = truncated(log, 60, outcome=Outcome.STOPPED, events=events)
+    values = {"me": 0.2, "recovered": 0.0, "worst_error": 0.3, "time_to_recover": nan}
+    stopped = record("faults", "unicycle-nmpc", values, variant="01-encoder-dead")
+    runs = (RecordedRun(free, log), ended(RecordedRun(stopped, log), cut))
+    return replace(part, runs=runs, faults={"01-encoder-dead": fault})
 
 
-def fault_table_of(results):
-    return next(t for t in study_tables(results, published=False) if "faults" in t.title)
+def fault_table_of(logs):
+    return next(t for t in reported(logs).tables if "faults" in t.title)
 
 
 def test_first_detection_is_shown_as_wrapped_text(faulted):
@@ -37,8 +41,8 @@ def test_first_detection_is_shown_as_wrapped_text(faulted):
 
 
 def test_table_without_detections_has_no_text_column(faulted):
-    undisturbed, stopped = faulted.faults
-    quiet = replace(stopped, run=replace(stopped.run, events=()))
-    table = fault_table_of(replace(faulted, faults=(undisturbed, quiet)))
+    undisturbed, stopped = faulted.runs
+    quiet = stopped._replace(log=replace(stopped.log, events=()))
+    table = fault_table_of(replace(faulted, runs=(undisturbed, quiet)))
     assert "first detection" not in table.columns
     assert not table.prose

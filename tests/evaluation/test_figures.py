@@ -12,7 +12,8 @@ from matplotlib.patches import Polygon
 from matplotlib.text import Text
 from PIL import Image
 
-from omnidrive.evaluation.figures import draw_figure, draw_figures, save, write_figures
+from omnidrive.evaluation.figures import catalogue, save
+from omnidrive.evaluation.figures.catalogue import log_drawings
 from omnidrive.evaluation.figures.kinematics import kinematics
 from omnidrive.evaluation.figures.plan import draw_map
 from omnidrive.evaluation.figures.style import register_fonts
@@ -21,6 +22,7 @@ from omnidrive.evaluation.palette import controller_styles
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path
 from omnidrive.robot import ROBOTS
+from tests.evaluation.recorded import labelled, reported, with_metrics
 from tests.evaluation.truncation import truncated
 
 WITHOUT_FUZZY = {"kinematics", "tracking_error"}
@@ -37,6 +39,21 @@ ALL = DIAGRAMS | {
     "noise_xy",
     "noise_heading",
 }
+
+
+def draw_figures(logs):
+    """Return name and figure of every figure of logs."""
+    drawn = ((name, catalogue.drawn(each)) for name, each in log_drawings(logs).items())
+    return [(name, figure) for name, figure in drawn if figure is not None]
+
+
+def draw_figure(logs, name):
+    return catalogue.draw_figure(log_drawings(logs), name)
+
+
+def write_figures(logs, folder):
+    """Write the figures of logs; return the files."""
+    return [path for _, path in catalogue.write_figures(log_drawings(logs), folder)]
 
 
 @pytest.fixture(scope="module")
@@ -101,56 +118,48 @@ def test_gain_history_of_logged_gains(tuning):
 
 
 def test_gain_history_of_step_response(study, tuning):
-    step = replace(study.steps[0], run=tuning.tracks[0].run)
-    names = {name for name, _ in draw_figures(replace(study, tracks=(), steps=(step,)))}
+    step = study.select("step")[0]._replace(log=tuning.runs[0].log)
+    names = {name for name, _ in draw_figures(replace(study, runs=(step,)))}
     assert names == DIAGRAMS | {"step_response", "step_gain_history"}
 
 
-def test_noise_differences_with_several_seeds(study):
+def test_figures_of_several_seeds(study):
     noisy = study.select("noise")[:3]
-    several = [
-        replace(r, repeat=k, metrics=r.metrics._replace(me=r.metrics.me + 1e-3 * k * i))
-        for k in range(4)
+    records = [
+        with_metrics(labelled(r, repeat=k), me=r.record.metrics["me"] + 1e-3 * k * i).record
+        for k in range(7)
         for i, r in enumerate(noisy)
     ]
-    figures = dict(draw_figures(replace(study, tracks=tuple(several), steps=())))
-    assert set(figures) == DIAGRAMS | {
-        "noise_xy",
-        "noise_heading",
-        "noise_differences",
-        "effort",
-    }
-    panels = figures["noise_differences"].axes
-    assert [len(axes.patches) for axes in panels] == [3] * 4
-    assert "first of 4 seeds" in {
+    report = reported(replace(study, runs=noisy, repeats=7), records)
+    figures = {n: f for n, d in report.figures.items() if (f := catalogue.drawn(d)) is not None}
+    assert set(figures) - DIAGRAMS == {
+        "noise_xy", "noise_heading", "effort", "distributions", "pairs", "cost",
+    }  # fmt: skip
+    titles = [axes.get_xlabel() for axes in figures["pairs"].axes]
+    assert titles == [
+        f"difference of {name}"
+        for name in ("ME in mm", "ME measured in mm", "MAE in mrad", "MAE measured in mrad")
+    ]
+    assert "first of 7 seeds" in {
         text.get_text()[16:] for text in figures["noise_xy"].axes[1].texts
     }
     assert len(figures["noise_xy"].axes[2].lines) == 3  # the first run of each controller
-    caption = "grey: no difference shown; 4 seeds are too few to show one, 7 are needed."
-    assert caption in figures["noise_differences"].get_supxlabel()
-
-
-def test_caption_of_noise_differences_with_enough_seeds(study):
-    noisy = study.select("noise")[:3]
-    several = [replace(r, repeat=k) for k in range(7) for r in noisy]
-    figure = draw_figure(replace(study, tracks=tuple(several), steps=()), "noise_differences")
-    assert "grey: no difference shown (5 %, Holm-corrected)." in figure.get_supxlabel()
 
 
 def test_study_without_runs_has_only_diagrams(part):
-    assert {name for name, _ in draw_figures(replace(part, tracks=()))} == WITHOUT_FUZZY
+    assert {name for name, _ in draw_figures(replace(part, runs=()))} == WITHOUT_FUZZY
 
 
 def test_steps_alone(study):
-    steps_only = replace(study, tracks=(), steps=study.steps[:1])
+    steps_only = replace(study, runs=study.select("step")[:1])
     assert {name for name, _ in draw_figures(steps_only)} == DIAGRAMS | {"step_response"}
 
 
 def test_short_run_without_error_is_drawn(part):
-    result = part.tracks[0]
-    there = result.run.target[:3]
-    ideal = truncated(result.run, 3, pose=there, measured=there)
-    figures = dict(draw_figures(replace(part, tracks=(replace(result, run=ideal),))))
+    result = part.runs[0]
+    there = result.log.target[:3]
+    ideal = truncated(result.log, 3, pose=there, measured=there)
+    figures = dict(draw_figures(replace(part, runs=(result._replace(log=ideal),))))
     assert "xy_comparison" in figures
 
 
@@ -242,14 +251,14 @@ def test_effort_shows_speeds_of_every_wheel(study):
     runs = study.select("track", duration=20.0)
     for i in range(4):
         for line, result in zip(panels[2 * i + 1].lines, runs, strict=True):
-            late = result.run.t >= 2.0
-            np.testing.assert_array_equal(line.get_ydata(), result.run.wheel_speed[late, i])
+            late = result.log.t >= 2.0
+            np.testing.assert_array_equal(line.get_ydata(), result.log.wheel_speed[late, i])
     assert [axes.get_visible() for axes in panels[-2:]] == [True, False]  # the plant has no forces
 
 
 def test_effort_of_commanded_wheel_speeds_and_torques(part):
     chassis = part.robot.drive
-    run = part.tracks[0].run
+    run = part.runs[0].log
     speeds = run.command @ chassis.jacobian.T
     twists = np.full_like(run.command, np.nan)
     by_wheels = replace(run, command=twists, wheel_speed_command=speeds)
@@ -257,8 +266,8 @@ def test_effort_of_commanded_wheel_speeds_and_torques(part):
     assert len(set(same)) == 1
     by_torques = replace(run, command=twists, wheel_torque_command=speeds)
     assert np.isnan(measure(by_torques, chassis).wheel_acceleration)
-    result = replace(part.tracks[0], run=by_torques)
-    assert "effort" in dict(draw_figures(replace(part, tracks=(result,))))
+    result = part.runs[0]._replace(log=by_torques)
+    assert "effort" in dict(draw_figures(replace(part, runs=(result,))))
 
 
 def test_figures_have_the_widths_of_journal_columns(study):
@@ -293,8 +302,8 @@ def test_text_in_files_is_text(files):
 def test_equal_curves_are_both_visible(study):
     """Two controllers with the same run: each colour covers pixels of the error panel."""
     first = study.select("track", duration=20.0)[0]
-    twin = replace(first, controller="fuzzy_t2")
-    figure = dict(draw_figures(replace(study, tracks=(first, twin), steps=())))["xy_comparison"]
+    twin = labelled(first, controller="fuzzy_t2")
+    figure = dict(draw_figures(replace(study, runs=(first, twin))))["xy_comparison"]
     canvas = FigureCanvasAgg(figure)
     figure.set_dpi(150)
     canvas.draw()
@@ -320,12 +329,12 @@ def precise(study, share):
     """Return the study with headings of all runs at a share of their errors."""
 
     def changed(result):
-        run = result.run
+        run = result.log
         pose = run.pose.copy()
         pose[:, 2] = run.target[:, 2] + share * (run.pose[:, 2] - run.target[:, 2])
-        return replace(result, run=replace(run, pose=pose))
+        return result._replace(log=replace(run, pose=pose))
 
-    return replace(study, tracks=tuple(map(changed, study.tracks)))
+    return replace(study, runs=tuple(map(changed, study.runs)))
 
 
 @pytest.mark.parametrize("share", [1.0, 1e-3, 1e-12])

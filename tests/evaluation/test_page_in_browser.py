@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from omnidrive.evaluation import Table, headline, study_tables, verdicts
+from omnidrive.evaluation import Table
 from omnidrive.evaluation.evidence import StudyEvidence
-from omnidrive.evaluation.evidence_tables import evidence_tables
-from omnidrive.evaluation.page import PageFigure, write_page
-from omnidrive.evaluation.page.evidence import EvidencePage
+from omnidrive.evaluation.page import PageFigure
 from omnidrive.evaluation.palette import controller_styles
 from omnidrive.evaluation.run_table import RunTable
-from omnidrive.evaluation.study_answer import study_answers
 from omnidrive.evaluation.study_facts import StudyFacts
+from omnidrive.evaluation.study_report import StudyReport
+from omnidrive.evaluation.verdict import headline
 from omnidrive.maps import OccupancyGrid
 from omnidrive.simulation import Outcome
+from tests.evaluation.recorded import labelled, page_text, reported
 from tests.evaluation.synthetic_runs import synthetic_table
 from tests.evaluation.truncation import truncated
 
@@ -71,10 +71,8 @@ def visit(browser, tmp_path):
 
     def opened(results, tables=TABLES, **options):
         path = tmp_path / "report.html"
-        if isinstance(results, str):
-            path.write_text(results, encoding="utf-8")
-        else:
-            write_page(results, tables, path)
+        text = results if isinstance(results, str) else page_text(reported(results), tables)
+        path.write_text(text, encoding="utf-8")
         context = browser.new_context(
             **{"viewport": {"width": 1280, "height": 800}, "reduced_motion": "reduce", **options}
         )
@@ -142,20 +140,21 @@ def test_page_opens_on_a_moving_scene(study, visit):
 
 
 def test_page_opens_with_the_verdict(study, visit):
-    page = visit(study)
+    report = reported(study)
+    page = visit(study, report.tables)
     cards = page.locator(".cards li")
-    found = verdicts(study)
+    found = report.verdicts
     assert cards.count() == len(found)
     for k, verdict in enumerate(found):
         text = cards.nth(k).inner_text()
-        for part in (verdict.name, verdict.best.name, verdict.following.name,
-                     verdict.confidence_text):  # fmt: skip
+        for part in (verdict.name, verdict.best[0], verdict.following.controller,
+                     verdict.confidence):  # fmt: skip
             assert part in text
-    assert page.inner_text(".lead") == " ".join(headline(found))
+    assert page.inner_text(".lead") == headline(found)
     top, scene = (page.locator(name).bounding_box()["y"] for name in (".lead", "#map"))
     assert top < scene < 800  # both in the window
     colour = page.locator(".cards .swatch").first.evaluate("e => getComputedStyle(e).background")
-    r, g, b = (int(controller_styles(study)[found[0].best.name].colour.light[i : i + 2], 16)
+    r, g, b = (int(controller_styles(study)[found[0].best[0]].colour.light[i : i + 2], 16)
                for i in (1, 3, 5))  # fmt: skip
     assert f"rgb({r}, {g}, {b})" in colour
 
@@ -210,7 +209,7 @@ def test_values_from_the_resolution_on_are_not_shown_as_zero(part, visit):
 
 
 def test_print_is_light_and_fits_the_paper(study, visit, tmp_path):
-    page = visit(study, study_tables(study, published=True), color_scheme="dark")
+    page = visit(study, reported(study, published="values").tables, color_scheme="dark")
     corner = "[...document.getElementById('map').getContext('2d').getImageData(2, 2, 1, 1).data]"
     assert max(Image.open(BytesIO(map_image(page))).convert("RGB").getpixel((2, 2))) < 60
     first = "document.querySelector('#runs td').textContent"
@@ -291,7 +290,7 @@ def test_zoom_pan_fit_and_follow(study, visit):
     settle(page)
     centre = page.evaluate("[Playback.camera.x, Playback.camera.y]")
     nmpc = next(r for r in study.select("track", duration=20.0) if r.controller == "unicycle-nmpc")
-    np.testing.assert_allclose(centre, nmpc.run.pose[100, :2], atol=1e-4)
+    np.testing.assert_allclose(centre, nmpc.log.pose[100, :2], atol=1e-4)
     page.click("#fit")
     settle(page)
     assert page.evaluate(scale) == pytest.approx(fitted)
@@ -305,7 +304,7 @@ def test_hover_shows_nearest_robot(study, visit):
     page.locator("#map").hover()
     page.wait_for_selector("#tip:not([hidden])")
     tip = page.inner_text("#tip")
-    run = study.select("track", duration=20.0)[3].run
+    run = study.select("track", duration=20.0)[3].log
     error = 1e3 * np.hypot(*(run.pose[100, :2] - run.target[100, :2]))
     assert "holonomic-nmpc" in tip
     assert "10.00 s" in tip
@@ -347,7 +346,7 @@ def test_gain_charts_show_one_channel(tuning, visit):
                      "scaled change of error, no unit"]  # fmt: skip
     page.locator("#scrub").fill("7.5")
     settle(page)
-    value = tuning.tracks[0].run.details
+    value = tuning.runs[0].log.details
     shown = charts.nth(0).locator(".value:visible b").all_inner_texts()
     assert shown == [f"{value['kp_x'][75]:.3f}", "5.000"]
     assert charts.nth(3).locator(".value:visible").count() == 1
@@ -407,12 +406,9 @@ def test_dark_theme_on_narrow_screen(study, visit):
 
 
 def test_markup_in_names_is_escaped(study, visit):
-    track = replace(study.tracks[0], controller=HOSTILE)
     robot = replace(study.robot, name=HOSTILE)
-    hostile = replace(
-        study, title=HOSTILE, plant=HOSTILE, robot=robot, tracks=(track,),
-        steps=(replace(study.steps[0], controller=HOSTILE),),
-    )  # fmt: skip
+    runs = [labelled(study.select(task)[0], controller=HOSTILE) for task in ("track", "step")]
+    hostile = replace(study, title=HOSTILE, plant=HOSTILE, robot=robot, runs=tuple(runs))
     page = visit(hostile, (Table(HOSTILE, (HOSTILE, HOSTILE), ((HOSTILE, HOSTILE),), HOSTILE),))
     page.locator("#map").hover()
     page.wait_for_selector("#tip:not([hidden])")
@@ -426,19 +422,13 @@ def test_markup_in_names_is_escaped(study, visit):
 
 
 def test_early_stop_is_shown(part, visit):
-    result = part.tracks[0]
-    short = truncated(result.run, 50, outcome=Outcome.PLANT_FAILED)
-    page = visit(replace(part, tracks=(replace(result, run=short), part.tracks[1])))
+    result = part.runs[0]
+    short = truncated(result.log, 50, outcome=Outcome.PLANT_FAILED)
+    page = visit(replace(part, runs=(result._replace(log=short), part.runs[1])))
     assert Outcome.PLANT_FAILED.value in page.inner_text("#runs .ended")
     page.locator("#scrub").fill("15")
     settle(page)
     assert page.locator("#runs td.stopped").count() == 3
-
-
-def test_study_without_runs_shows_tables(part, visit):
-    page = visit(replace(part, tracks=()))
-    assert not page.locator("#map").is_visible()
-    assert page.get_by_role("table", name="Steps").is_visible()
 
 
 def evidence_text():
@@ -447,10 +437,7 @@ def evidence_text():
     evidence = StudyEvidence(RunTable(table))
     facts = StudyFacts(HOSTILE, HOSTILE, {"Plant": HOSTILE}, definition=HOSTILE, command=HOSTILE)
     figure = PageFigure(HOSTILE, HOSTILE, b'<svg xmlns="http://www.w3.org/2000/svg"/>')
-    return EvidencePage(
-        facts, evidence, study_answers(evidence), evidence_tables(evidence), [], [figure],
-        facts.styles(evidence.runs.controllers),
-    ).text()  # fmt: skip
+    return page_text(StudyReport(evidence, facts), figures=[figure])
 
 
 def test_report_of_a_study_works_offline_in_both_themes(visit):
@@ -463,4 +450,4 @@ def test_report_of_a_study_works_offline_in_both_themes(visit):
     assert {before, page.evaluate("document.documentElement.dataset.theme")} == {"light", "dark"}
     swatch = page.locator(".swatch").first
     assert swatch.evaluate("e => getComputedStyle(e).backgroundColor") != "rgba(0, 0, 0, 0)"
-    assert page.locator("table").count() == 5
+    assert page.locator("table").count() == 6

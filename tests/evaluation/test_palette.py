@@ -6,7 +6,8 @@ from dataclasses import replace
 import pytest
 
 from omnidrive.evaluation.palette import controller_styles, horizon_styles
-from omnidrive.evaluation.results import ControllerType
+from omnidrive.evaluation.study_logs import ControllerType
+from tests.evaluation.recorded import labelled as relabelled
 
 KNOWN = (
     "pid",
@@ -21,9 +22,9 @@ KNOWN = (
 
 def labelled(study, labels, types=None):
     """Return a study with one run per label."""
-    runs = tuple(replace(study.tracks[0], controller=label) for label in labels)
+    runs = tuple(relabelled(study.runs[0], controller=label) for label in labels)
     kinds = {label: ControllerType(name, "", "") for label, name in (types or {}).items()}
-    return replace(study, tracks=runs, steps=(), types=kinds)
+    return replace(study, runs=runs, types=kinds)
 
 
 def luminance(colour):

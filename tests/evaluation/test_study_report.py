@@ -1,4 +1,4 @@
-"""Answer, tables, figures and page of a study."""
+"""Verdict, tables, figures and page of a study."""
 
 import re
 from hashlib import sha256
@@ -12,19 +12,20 @@ from matplotlib.text import Text
 
 from omnidrive.errors import InvalidInput, one_line
 from omnidrive.evaluation.evidence import StudyEvidence
-from omnidrive.evaluation.evidence_tables import _interval_note, evidence_tables
+from omnidrive.evaluation.figures.catalogue import drawings, drawn
 from omnidrive.evaluation.figures.study_axes import axis_curves
-from omnidrive.evaluation.figures.study_catalogue import study_figures
 from omnidrive.evaluation.figures.study_cost import CostPoint, cost_points, pareto_front
 from omnidrive.evaluation.figures.study_distributions import paired_intervals
 from omnidrive.evaluation.figures.style import figure_style
 from omnidrive.evaluation.page import PageFigure
-from omnidrive.evaluation.page.evidence import EvidencePage
+from omnidrive.evaluation.result_tables import interval_note
 from omnidrive.evaluation.run_table import RunTable
-from omnidrive.evaluation.study_answer import percent, study_answers
 from omnidrive.evaluation.study_facts import StudyFacts
-from omnidrive.evaluation.study_report import study_tables, write_study_report
+from omnidrive.evaluation.study_report import StudyReport
+from omnidrive.evaluation.table import percent
 from omnidrive.evaluation.uncertainty import MeanEstimate
+from omnidrive.evaluation.verdict import study_verdicts
+from tests.evaluation.recorded import page_text, tables_by_title
 from tests.evaluation.synthetic_runs import TASK, synthetic_table
 
 EFFECTS = {"pid": 0.06, "fuzzy_t1": 0.0505, "fuzzy_t2": 0.05, "mine<script>": 0.05}
@@ -32,7 +33,7 @@ TIMES = {"pid": 3.0, "fuzzy_t1": 20.0, "fuzzy_t2": 40.0, "mine<script>": 300.0}
 FACTS = StudyFacts(
     "friction", question="Which <controller> is best?", setup={"Plant": "planar"}, planned=400,
     definition="name: <b>", command="omnidrive study study.yaml", hashes={"Results": "ab" * 32},
-    published=True,
+    published="claims",
 )  # fmt: skip
 
 
@@ -49,45 +50,45 @@ def study():
     return StudyEvidence(RunTable(table, timing))
 
 
-def test_answer_names_the_best_and_those_that_are_not_worse(study):
-    noise, track = study_answers(study)
+def test_verdict_names_the_best_and_those_that_are_not_worse(study):
+    noise, track = study_verdicts(study)
     assert noise.evidence.task.label == "noise 30 s"
     assert noise.evidence.measure.name == "me"
-    for answer in (noise, track):
+    for verdict in (noise, track):
         # pid has 7 repetitions in common with others, too few for 6 pairs
-        assert set(answer.evidence.best) == {"fuzzy_t2", "mine<script>", "pid"}
-        assert "no difference in ME is shown between" in answer.lead
-        assert answer.lead.endswith("the others are worse.")
-        assert len(answer.sentences) == 3
-        assert answer.success.pair("pid", "fuzzy_t1").difference.mean < 0.0
+        assert set(verdict.evidence.best) == {"fuzzy_t2", "mine<script>", "pid"}
+        assert "no difference in ME is shown between" in verdict.lead
+        assert verdict.lead.endswith("the others are worse.")
+        assert len(verdict.sentences) == 3
+        assert verdict.success.pair("pid", "fuzzy_t1").difference.mean < 0.0
     with pytest.raises(InvalidInput, match="no metric 'work'"):
-        study_answers(study, "work")
+        study_verdicts(study, "work")
 
 
 def test_best_controller_that_fails_is_named():
     table = synthetic_table({"a": 0.04, "b": 0.05}, repetitions=40,
                             failures={("a", r) for r in range(20)})  # fmt: skip
-    (answer,) = study_answers(StudyEvidence(RunTable(table)))
-    assert answer.lead.startswith("Noise 30 s: a is best, ME ")
-    assert answer.lead.endswith("But a finishes 50 % of its runs, b 100 %.")
+    (verdict,) = study_verdicts(StudyEvidence(RunTable(table)))
+    assert verdict.lead.startswith("Noise 30 s: a is best, ME ")
+    assert verdict.lead.endswith("But a finishes 50 % of its runs, b 100 %.")
 
 
 def test_single_controller_and_single_repetition_claim_nothing():
-    (alone,) = study_answers(StudyEvidence(RunTable(synthetic_table({"a": 0.04}))))
+    (alone,) = study_verdicts(StudyEvidence(RunTable(synthetic_table({"a": 0.04}))))
     assert alone.lead.startswith("Noise 30 s: a has ME ")
     one = RunTable(synthetic_table({"a": 0.04, "b": 0.05}, repetitions=1))
-    (answer,) = study_answers(StudyEvidence(one))
-    assert "in too few repetitions for an interval; more of them show" in answer.lead
+    (verdict,) = study_verdicts(StudyEvidence(one))
+    assert "is best in one run; check with --noise-seeds 20 or more repetitions." in verdict.lead
 
 
-def test_study_without_valid_runs_has_an_answer():
+def test_study_without_valid_runs_has_a_verdict():
     lost = {(n, r) for n in ("a", "b") for r in range(3)}
     runs = RunTable(synthetic_table({"a": 1.0, "b": 2.0}, repetitions=3, failures=lost))
     found = StudyEvidence(runs)
-    (answer,) = study_answers(found)
-    assert answer.evidence.measure.name == "finished"
-    assert answer.lead.startswith("Noise 30 s: no difference in success rate is shown")
-    assert evidence_tables(found)[-1].title == "Runs that ended early"
+    (verdict,) = study_verdicts(found)
+    assert verdict.evidence.measure.name == "finished"
+    assert verdict.lead.startswith("Noise 30 s: no difference in success rate is shown")
+    assert StudyReport(found, StudyFacts("x")).tables[-1].title == "Runs that ended early"
 
 
 @pytest.mark.parametrize(
@@ -99,10 +100,11 @@ def test_only_exact_shares_are_0_and_100_percent(share, text):
 
 
 def test_tables_have_every_part(study):
-    tables = {table.title: table for table in evidence_tables(study)}
+    tables = {table.title: table for table in StudyReport(study, FACTS).tables}
     assert list(tables) == [
-        "Answer", "Distribution of ME", "Other quantities", "Paired differences", "By mass",
-        "By plant", "What matters", "Runs that ended early",
+        "Verdict", "Claims of the paper", "Published values", "Tracking error without noise",
+        "Tracking error with the paper's noise", "Distribution of ME", "Paired differences",
+        "By mass", "By plant", "What matters", "Runs that ended early",
     ]  # fmt: skip
     distribution = tables["Distribution of ME"]
     pid = next(row for row in distribution.rows if row[1] == "pid")
@@ -117,7 +119,7 @@ def test_tables_have_every_part(study):
     assert tables["Runs that ended early"].rows[0] == (
         "pid", "noise 30 s", "controller failed", "20",
     )  # fmt: skip
-    assert tables["Other quantities"].columns[2:] == ("step time, µs",)
+    assert "step time, µs" in tables["Tracking error without noise"].columns
     effects = "".join(row[6] for row in tables["Paired differences"].rows)
     assert "-" not in effects
     assert "\N{MINUS SIGN}" in effects
@@ -142,43 +144,42 @@ def test_pareto_front():
 
 
 def test_figures_show_their_data(study):
-    answers = study_answers(study)
+    verdicts = study_verdicts(study)
     styles = FACTS.styles(study.runs.controllers)
-    found = {each.name: each for each in study_figures(study, answers, styles)}
+    known = drawings(study, verdicts, styles)
+    assert all(each.title and each.caption for each in known.values())
+    found = {name: drawn(each) for name, each in known.items()}
     assert list(found) == [
         "distributions", "pairs", "cost", "shares", "heat_maps", "axis_1", "axis_2",
     ]  # fmt: skip
-    assert all(isinstance(each.figure, Figure) and each.caption for each in found.values())
-    first = found["distributions"].figure.axes[0]
+    assert all(isinstance(each, Figure) for each in found.values())
+    first = found["distributions"].axes[0]
     names = [label.get_text() for label in first.get_yticklabels()]
-    assert names == [s.controller for s in answers[0].evidence.ranking]
-    line = found["axis_1"].figure.axes[0].get_lines()[0]
-    pid = [s.mean.mean for e in study.along("me", "mass")[answers[0].evidence.task]
+    assert names == [s.controller for s in verdicts[0].evidence.ranking]
+    line = found["axis_1"].axes[0].get_lines()[0]
+    pid = [s.mean.mean for e in study.along("me", "mass")[verdicts[0].evidence.task]
            for s in e.evidence.summaries if s.controller == "pid"]  # fmt: skip
     assert line.get_ydata() == pytest.approx(1e3 * np.array(pid))
-    image = found["heat_maps"].figure.axes[0].get_images()[0]
+    image = found["heat_maps"].axes[0].get_images()[0]
     assert image.get_array().shape == (2, 2)
-    shown = {p.controller for p in cost_points(study, answers[0])}
+    shown = {p.controller for p in cost_points(study, verdicts[0])}
     assert shown == set(EFFECTS)
 
 
-def page_of(study, facts, tables=((), ())):
-    return EvidencePage(
-        facts, study, study_answers(study), *tables, [PageFigure("A", "b", b"<svg/>")],
-        facts.styles(study.runs.controllers),
-    ).text()  # fmt: skip
+def page_of(study, facts):
+    return page_text(StudyReport(study, facts), figures=[PageFigure("A", "b", b"<svg/>")])
 
 
 def test_report_is_one_offline_file_with_everything(study):
-    tables = study_tables(study, FACTS)
-    page = page_of(study, FACTS, tables)
+    tables = StudyReport(study, FACTS).tables
+    page = page_of(study, FACTS)
     assert "Which &lt;controller&gt; is best?" in page
     assert "mine<script>" not in page
     assert "name: &lt;b&gt;" in page
     assert "ab" * 32 in page
     assert "16 of 400 planned runs are not finished" in page
     assert "claims of the paper hold" in page
-    assert page.count("<table") == len(tables.every)
+    assert page.count("<table") == len(tables)
     assert not re.search(r'(src|href)="(?!data:|#)', page)
     assert "{{" not in page
     assert len(re.findall(r"<script>(.*?)</script>", page, re.DOTALL)) == 2
@@ -190,7 +191,7 @@ def test_report_is_one_offline_file_with_everything(study):
 
 @pytest.mark.long
 def test_report_has_every_figure_and_table(study, tmp_path):
-    written = list(write_study_report(study, FACTS, study_tables(study, FACTS), tmp_path))
+    written = list(StudyReport(study, FACTS).write(tmp_path))
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert written[-1] == tmp_path / "report.html"
     assert [p.suffix for p in written].count(".svg") == page.count("<img ") == 7
@@ -202,7 +203,7 @@ def test_equal_studies_have_equal_reports(study, tmp_path):
     digests = []
     for name in ("a", "b"):
         fresh = StudyEvidence(study.runs)
-        for path in write_study_report(fresh, FACTS, study_tables(fresh, FACTS), tmp_path / name):
+        for path in StudyReport(fresh, FACTS).write(tmp_path / name):
             digests.append((path.name, sha256(path.read_bytes()).hexdigest()))
     half = len(digests) // 2
     assert digests[:half] == digests[half:]
@@ -211,36 +212,36 @@ def test_equal_studies_have_equal_reports(study, tmp_path):
 def test_equal_runs_have_equal_tables(study):
     fresh = StudyEvidence(RunTable(study.runs.table))
     again = StudyEvidence(RunTable(study.runs.table))
-    assert study_tables(fresh, FACTS) == study_tables(again, FACTS)
+    assert StudyReport(fresh, FACTS).tables == StudyReport(again, FACTS).tables
 
 
 def test_sequential_study_says_so(study):
     facts = StudyFacts("x", until="me:0.1mm")
     sequential = StudyEvidence(study.runs, always_valid=True)
-    assert len(evidence_tables(sequential)) == 8
-    assert paired_intervals(study_answers(sequential)) is None  # too few repetitions
+    verdicts = study_verdicts(sequential)
+    assert paired_intervals(sequential, verdicts) is None  # too few repetitions
     page = page_of(sequential, facts)
     assert "always valid" in page
     assert "studentised" not in page
 
 
 def test_notes_explain_intervals_only_where_there_are_some():
-    assert _interval_note([("a", "1.0 ± 0.2")]) == " ± half its 95 % interval"
-    assert not _interval_note([("a", "1.0")])
+    assert "± half its 95 % interval" in interval_note([("a", "1.0 ± 0.2")])
+    assert not interval_note([("a", "1.0")])
 
 
 def test_note_says_why_shares_have_no_interval_and_random_factors_none():
     few = StudyEvidence(RunTable(synthetic_table({"a": 0.05, "b": 0.06}, repetitions=8)))
-    table = next(each for each in evidence_tables(few) if each.title == "What matters")
+    table = tables_by_title(StudyReport(few, StudyFacts("x")))["What matters"]
     assert {row[-1] for row in table.rows} == {"–"}
     assert "Intervals and random factors need 10 repetitions." in table.note
 
 
 def test_notes_name_the_repetitions_that_a_difference_needs():
     few, enough = (
-        evidence_tables(StudyEvidence(RunTable(synthetic_table(
+        StudyReport(StudyEvidence(RunTable(synthetic_table(
             {"a": 0.05, "b": 0.06, "c": 0.07}, repetitions=count
-        ))))[0].note
+        ))), StudyFacts("x")).tables[0].note
         for count in (3, 7)
     )  # fmt: skip
     assert "With 3 repetitions no difference between runs that vary can be shown at 5 %" in few
@@ -248,7 +249,7 @@ def test_notes_name_the_repetitions_that_a_difference_needs():
     assert "need at least" not in enough
 
 
-def test_the_answer_says_where_another_controller_is_best():
+def test_the_verdict_says_where_another_controller_is_best():
     """fuzzy_t2 is best on average and without noise, pid with the most noise."""
 
     def value(name, factors):
@@ -256,24 +257,24 @@ def test_the_answer_says_where_another_controller_is_best():
 
     axes = {"noise": [0.0, 1.0, 2.0, 3.0], "floor": ["dry", "wet"]}
     table = synthetic_table({"pid": 0.06, "fuzzy_t2": 0.05}, axes=axes, value=value)
-    (answer,) = study_answers(StudyEvidence(RunTable(table)))
-    assert answer.along == ("Along noise the best one differs: fuzzy_t2 at 0, 1 and 2; pid at 3.",)
-    assert "fuzzy_t2 is best on average, ME" in answer.lead
-    assert answer.along[0] in answer.lead
+    (verdict,) = study_verdicts(StudyEvidence(RunTable(table)))
+    assert verdict.along == ("Along noise the best one differs: fuzzy_t2 at 0, 1 and 2; pid at 3.",)
+    assert "fuzzy_t2 is best on average, ME" in verdict.lead
+    assert verdict.along[0] in verdict.lead
     same = synthetic_table({"pid": 0.06, "fuzzy_t2": 0.05}, axes=axes)
-    (plain,) = study_answers(StudyEvidence(RunTable(same)))
+    (plain,) = study_verdicts(StudyEvidence(RunTable(same)))
     assert plain.along == ()
     assert "on average" not in plain.lead
 
 
-def test_the_answer_compares_only_where_the_best_one_has_runs():
+def test_the_verdict_compares_only_where_the_best_one_has_runs():
     """At the largest noise, pid is alone."""
     table = synthetic_table({"pid": 0.06, "fuzzy_t2": 0.05}, axes={"noise": [0.0, 1.0, 2.0]})
     runs = zip(table["controller"].to_pylist(), table["factor:noise"].to_pylist(), strict=True)
     kept = [(name, noise) != ("fuzzy_t2", 2.0) for name, noise in runs]
-    (answer,) = study_answers(StudyEvidence(RunTable(table.filter(pa.array(kept)))))
-    assert answer.evidence.best == ("fuzzy_t2",)
-    assert answer.along == ()
+    (verdict,) = study_verdicts(StudyEvidence(RunTable(table.filter(pa.array(kept)))))
+    assert verdict.evidence.best == ("fuzzy_t2",)
+    assert verdict.along == ()
 
 
 ODD = [
@@ -290,13 +291,13 @@ def test_labels_are_shown_literally(label, tmp_path):
         {label: 0.06, "pid": 0.05}, repetitions=8, axes={"floor": [label, "dry"]}
     )
     study = StudyEvidence(RunTable(table))
-    answers = study_answers(study)
-    for each in study_figures(study, answers, FACTS.styles(study.runs.controllers)):
-        drawn = [text for text in each.figure.findobj(Text) if label in text.get_text()]
-        assert not any(text.get_parse_math() for text in drawn)
+    report = StudyReport(study, FACTS)
+    for figure in filter(None, map(drawn, report.figures.values())):
+        texts = [text for text in figure.findobj(Text) if label in text.get_text()]
+        assert not any(text.get_parse_math() for text in texts)
         with figure_style():
-            each.figure.savefig(tmp_path / "figure.png", dpi=30)
-    list(write_study_report(study, FACTS, study_tables(study, FACTS), tmp_path / "report"))
+            figure.savefig(tmp_path / "figure.png", dpi=30)
+    list(report.write(tmp_path / "report"))
     page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
     assert "<b>bold" not in page
     assert escape(label) in page or escape(one_line(label)) in page
@@ -309,12 +310,12 @@ def test_axis_values_at_which_no_run_is_finished_are_stated():
         column = pa.compute.if_else(lost, pa.scalar(value), table[name])
         table = table.set_column(table.column_names.index(name), name, column)
     study = StudyEvidence(RunTable(table))
-    (answer,) = study_answers(study)
-    assert "Along friction no run is finished at 0.2." in answer.lead
-    rows = {t.title: t for t in evidence_tables(study)}["By friction"].rows
+    (verdict,) = study_verdicts(study)
+    assert "Along friction no run is finished at 0.2." in verdict.lead
+    rows = tables_by_title(StudyReport(study, StudyFacts("x")))["By friction"].rows
     assert [row[1] for row in rows] == ["0.2", "1"]
     assert set(rows[0][3:-1]) == {"– (0 %)"}
-    assert axis_curves(study, [answer], {}, "friction") is None  # one point is no curve
+    assert axis_curves(study, [verdict], {}, "friction") is None  # one point is no curve
 
 
 def test_many_axis_values_without_a_finished_run_are_counted():
@@ -324,5 +325,5 @@ def test_many_axis_values_without_a_finished_run_are_counted():
     for name, value in (("outcome", "stopped"), ("finished", False)):
         column = pa.compute.if_else(lost, pa.scalar(value), table[name])
         table = table.set_column(table.column_names.index(name), name, column)
-    (answer,) = study_answers(StudyEvidence(RunTable(table)))
-    assert answer.lost == ("Along friction no run is finished at 5 values from 0.1 to 0.5.",)
+    (verdict,) = study_verdicts(StudyEvidence(RunTable(table)))
+    assert verdict.lost == ("Along friction no run is finished at 5 values from 0.1 to 0.5.",)

@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omnidrive.evaluation import Table, study_tables, write_tables
+from omnidrive.evaluation import Table, write_tables
 from omnidrive.evaluation.page.markup import tables_markup
-from omnidrive.evaluation.results import ControllerType
+from omnidrive.evaluation.study_logs import ControllerType
 from omnidrive.evaluation.table import RESOLUTION, cell_text, leading_number, number_text
 from omnidrive.evaluation.table_files import csv_text, latex_text
 from omnidrive.evaluation.uncertainty import estimate_mean
+from tests.evaluation.recorded import reported
 
 
 @pytest.mark.parametrize(
@@ -76,11 +77,11 @@ def test_negligible_results_are_equally_good():
     assert csv_text(p_values).splitlines()[1] == "0,< 0.001"
 
 
-@pytest.mark.parametrize("published", [True, False])
+@pytest.mark.parametrize("published", ["values", ""])
 def test_every_column_of_a_quantity_has_a_unit(study, published):
     """Columns whose cells are numbers are counts, or have a unit."""
     counts = {"fallbacks", "collisions", "seeds", "factor", "p"}
-    for table in study_tables(study, published=published):
+    for table in reported(study, published=published).tables:
         for i, name in list(enumerate(table.columns))[table.keys :]:
             numeric = all(isfinite(leading_number(row[i])) or not row[i] for row in table.rows)
             assert not numeric or name in counts or ", " in name, (table.title, name)
@@ -107,7 +108,7 @@ def test_latex_is_escaped_and_marks_the_best():
 
 
 def test_every_table_of_a_study_is_written(study, tmp_path):
-    tables = study_tables(study, published=True)
+    tables = reported(study, published="values").tables
     files = list(write_tables(tables, tmp_path / "tables"))
     assert {path.suffix for path in files} == {".tex", ".csv"}
     assert len(set(files)) == 2 * len(tables)
@@ -121,7 +122,7 @@ def test_every_table_of_a_study_is_written(study, tmp_path):
 
 
 def test_study_tables_mark_the_best_controller(study):
-    (tracking,) = (t for t in study_tables(study, published=False) if "without noise" in t.title)
+    (tracking,) = (t for t in reported(study).tables if "without noise" in t.title)
     column = tracking.columns.index("ME, mm")
     for duration in ("20 s", "30 s"):
         rows = {k: float(r[column]) for k, r in enumerate(tracking.rows) if r[0] == duration}
@@ -130,17 +131,17 @@ def test_study_tables_mark_the_best_controller(study):
 
 
 def test_errors_are_in_mm_and_mrad_under_the_labels_of_the_controllers(study):
-    (table,) = (t for t in study_tables(study, published=False) if "without noise" in t.title)
+    (table,) = (t for t in reported(study).tables if "without noise" in t.title)
     names = ("controller", "ME, mm", "MAE, mrad")
     columns = [table.columns.index(name) for name in names]
     assert [tuple(row[i] for i in columns) for row in table.rows] == [
-        (r.controller, number_text(1e3 * r.metrics.me), number_text(1e3 * r.metrics.mae))
+        (r.controller, *(number_text(1e3 * r.record.metrics[name]) for name in ("me", "mae")))
         for r in study.select("track")
     ]
 
 
 def test_best_results_are_marked_in_the_table_of_every_task(study):
-    tables = {t.title: t for t in study_tables(study, published=False)}
+    tables = {t.title: t for t in reported(study).tables}
     for title, columns in {
         "Tracking error without noise": {"ME, mm", "MAE, mrad"},
         "Tracking error with the paper's noise": {"ME true, mm", "MAE measured, mrad"},
@@ -152,7 +153,7 @@ def test_best_results_are_marked_in_the_table_of_every_task(study):
 
 def test_details_are_left_to_the_full_output(study):
     types = {name: ControllerType(name, "", "") for name in study.controllers} | study.types
-    tables = study_tables(replace(study, types=types), published=False)
+    tables = reported(replace(study, types=types)).tables
     assert {table.title for table in tables if table.is_detail} == {
         "Controllers", "Fuzzy rules: change of kp/ki/kd",
     }  # fmt: skip
@@ -174,9 +175,9 @@ def test_footnote_explains_only_columns_that_the_table_has():
 
 
 def test_tables_of_a_study_explain_nothing_that_they_lack(part):
-    verdict, errors = study_tables(part, published=False)[:2]
+    verdict, errors = reported(part).tables[:2]
     assert "ME: mean distance" in verdict.footnote
-    for absent in ("Settling", "Path ME", "p-value"):
+    for absent in ("Settling", "Path ME", "Holm"):
         assert absent not in verdict.footnote + errors.footnote
     assert "first 2 s" in errors.footnote
     kept = [i for i, name in enumerate(errors.columns) if name != "ME after 2 s, mm"]

@@ -261,7 +261,7 @@ def test_stored_study_is_shown_without_its_code_and_names_what_it_needs(stranger
         done = omnidrive("study", *words, cwd=stranger.folder)
         assert done.returncode == 0, done.stderr
         assert not stranger.took_effect(), words
-    facts = read_study(stranger.folder / "here").facts()
+    facts = read_study(stranger.folder / "here").facts
     assert facts.command.endswith("study.yaml --allow-code --out repeated")
 
 

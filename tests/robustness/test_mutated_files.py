@@ -47,7 +47,7 @@ NO_READERS = {
     "omnidrive.cli.options.parse_waypoint": "options of the command line",
     "omnidrive.components.code.import_code": "code, which is not read without permission",
     "omnidrive.components.specification.parse_specification": "options of the command line",
-    "omnidrive.evaluation.page.writer.read_parts": "files of the package",
+    "omnidrive.evaluation.page.document.read_parts": "files of the package",
     "omnidrive.simulation.disturbances.fault_text.parse_fault": "options of the command line",
 }
 """Functions with the name of a reader that read no file and no message."""

@@ -7,7 +7,7 @@ import pytest
 
 from tests.ros2.peer_process import new_domain
 
-sys.path.append(str(Path(__file__).parents[3] / "benchmarks"))
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 import deploy_ros2
 
 

@@ -272,7 +272,7 @@ TRACED = {
 def logs(controllers, **changes):
     """Return the log of every controller in one study."""
     scenario = small_scenario(controllers=controllers, tasks=TASKS, **changes)
-    return {result.controller: result.run for result in run_study(scenario).results.tracks}
+    return {run.controller: run.log for run in run_study(scenario).logs.runs}
 
 
 def assert_equal(one, two):
@@ -339,13 +339,13 @@ def test_failed_runs_are_in_results_and_report(tmp_path):
     assert found["at-a-step"]["traceback"].startswith("Traceback")
     assert "RuntimeError: no memory left" in found["at-reset"]["outcome"]
     assert "no memory left" in (tmp_path / "out" / "report.html").read_text()
-    assert len(study.results.steps) == 3
+    assert len(study.logs.select("step")) == 3
 
 
 def test_study_whose_runs_all_fail_at_the_start_has_a_report(tmp_path):
     scenario = small_scenario(controllers={"bad": FailsAtReset}, tasks=WITH_STEP)
     study = run_study(scenario, tmp_path / "out")
-    assert {result.run.outcome for result in study.results.tracks} == {Outcome.CONTROLLER_FAILED}
+    assert {record.outcome for record in study.records} == {"controller_failed"}
     assert (tmp_path / "out" / "report.html").exists()
 
 
@@ -362,6 +362,6 @@ def test_command_exits_with_status_1_and_names_the_run(tmp_path):
     )  # fmt: skip
     assert done.returncode == 1
     message = " ".join(done.stderr.split())
-    assert "track-Faulty-20s at 0 s" in message
+    assert "track-Faulty-20s (at 0 s: " in message
     assert "it returned None, not a Command" in message
     assert "Traceback" not in done.stderr

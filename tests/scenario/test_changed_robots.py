@@ -114,24 +114,25 @@ def test_modified_robot_and_moving_obstacles_round_trip(tmp_path):
 @pytest.mark.parametrize("name", ["kiwi", "mecanum"])
 def test_three_and_four_wheel_robots_follow_the_path_of_the_paper(name):
     study = run_study(scenario(robot=RobotSection(name=name))).raise_if_failed()
-    (result,) = study.results.tracks
-    assert result.metrics.me < 2e-3
-    assert result.collisions == 0
+    (record,) = study.records
+    assert record.metrics["me"] < 2e-3
+    assert record.metrics["collisions"] == 0
     assert not study.collisions
 
 
 def test_collision_with_a_disc_on_the_path_is_reported(tmp_path):
     disc_on_path = MapSection(source="paper", margin=0.0, moving=(MovingSection(**DISC),))
     study = run_study(scenario(map=disc_on_path), tmp_path / "out")
-    (result,) = study.results.tracks
-    assert study.collisions == {result.name: result.collisions}
-    assert result.collisions >= 1
-    assert (result.run.collisions[1:] >= result.run.collisions[:-1]).all()
-    assert result.run.collisions[0] == 0
+    ((record, log),) = study.logs.runs
+    count = int(log.collisions[-1])
+    assert study.collisions == {record.name: count}
+    assert count == record.metrics["collisions"] >= 1
+    assert (log.collisions[1:] >= log.collisions[:-1]).all()
+    assert log.collisions[0] == 0
     table = next(each for each in study.tables if "collisions" in each.columns)
-    assert table.rows[0][table.columns.index("collisions")] == str(result.collisions)
+    assert table.rows[0][table.columns.index("collisions")] == str(count)
     saved = yaml.safe_load((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
-    assert saved["runs"][0]["collisions"] == result.collisions
+    assert saved["runs"][0]["collisions"] == count
 
 
 @pytest.mark.long

@@ -365,9 +365,9 @@ class PythonLaw:
 def test_class_is_a_controller_in_worker_processes_too():
     controllers = {"mine": PythonLaw, "slow": {"type": PythonLaw, "position": 0.5}}
     scenario = small_scenario(controllers=controllers)
-    one, two = (run_study(scenario, processes=count).results for count in (1, 2))
-    assert [result.controller for result in one.tracks][:2] == ["mine", "slow"]
-    assert [r.metrics.me for r in one.tracks] == [r.metrics.me for r in two.tracks]
+    one, two = (run_study(scenario, processes=count).records for count in (1, 2))
+    assert [record.controller for record in one][:2] == ["mine", "slow"]
+    assert [repr(r.metrics) for r in one] == [repr(r.metrics) for r in two]
     data = scenario_data(scenario)["controllers"]
     assert data["slow"]["type"].endswith("test_scenario:PythonLaw")
 
@@ -378,9 +378,9 @@ def test_plant_robot_differs_from_the_robot_of_the_controllers():
     scenario = paper_scenario().with_values(
         plant="planar", controllers=("feedforward",), tasks=tasks
     )
-    known = run_study(scenario).results.tracks[0].metrics.me
-    wrong = run_study(scenario.with_values(plant_robot=slippery)).results.tracks[0].metrics.me
-    both = run_study(scenario.with_values(robot=slippery)).results.tracks[0].metrics.me
+    known = run_study(scenario).records[0].metrics["me"]
+    wrong = run_study(scenario.with_values(plant_robot=slippery)).records[0].metrics["me"]
+    both = run_study(scenario.with_values(robot=slippery)).records[0].metrics["me"]
     assert wrong == both  # the feedforward controller has no model of friction
     assert wrong > 2.0 * known
 
@@ -406,7 +406,7 @@ def test_name_alone_is_a_robot(tmp_path, preset):
 def test_title_names_what_is_studied():
     """The preset, or the controller if there is only one."""
     titles = [
-        run_study(small_scenario(controllers=names, plant="kinematic")).results.title
+        run_study(small_scenario(controllers=names, plant="kinematic")).facts.name
         for names in (("feedforward", "pid"), ("feedforward",))
     ]
     assert titles == ["paper: preset paper, plant kinematic", "paper: feedforward, plant kinematic"]

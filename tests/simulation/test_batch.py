@@ -541,7 +541,7 @@ def nmpc_with_deadline(dt):
 def test_unsupported_parts_are_refused():
     refused("plants kinematic and planar, got", lambda r: MujocoPlant(r, "ball"))
     refused("plants kinematic and planar, got", Drifting)
-    refused("fuzzy_t3 and holonomic-nmpc have one.*Slower", controller=Slower)
+    refused("all of omnidrive but unicycle-nmpc have one.*Slower", controller=Slower)
     refused("with a deadline", controller=nmpc_with_deadline)
     refused("moving keep-out zones", controller=lambda dt: nmpc(dt, keep_outs=lambda t, n, dt: ()))
     refused("with channels or tuners of your own", controller=own_tuner)

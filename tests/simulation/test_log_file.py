@@ -51,7 +51,7 @@ def test_simulated_run_with_an_estimator_and_a_fault_is_the_one_that_was_saved(t
         sensors=SensorsSection(estimator="kalman"),
     )  # fmt: skip
     (run,) = settings_of_runs(scenario)[-1:]
-    log = simulate_run(plan_and_check(scenario), run).run
+    log = simulate_run(plan_and_check(scenario), run)
     assert log.events
     assert np.isfinite(log.yaw_sigma).any()
     log.save(tmp_path / "a.parquet")

@@ -7,5 +7,5 @@ import pytest
 def without_figures():
     """Studies draw no figures, which take most of the time and have tests of their own."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("omnidrive.study.study.write_figures", lambda *_: ())
+        patch.setattr("omnidrive.evaluation.study_report.write_figures", lambda *_: ())
         yield

@@ -12,9 +12,9 @@ from time import sleep
 
 import pyarrow as pa
 
+from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.scenario.run_settings import RunSettings
 from omnidrive.study.planned_run import PlannedRun
-from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import relabelled
 from tests.study.small import small_scenario
 

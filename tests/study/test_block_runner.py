@@ -230,7 +230,7 @@ def test_metrics_of_one_run_are_those_of_many():
 
     plan = plan_of({"noise": {"durations": [10]}}, controllers=["feedforward"])
     planned = plan_and_check(plan[0].scenario)
-    run = simulate_run(planned, plan[0].settings).run
+    run = simulate_run(planned, plan[0].settings)
     drive = planned.robot.drive
     three = LoggedRuns(
         run.t, run.target, np.stack([run.pose] * 3), np.stack([run.measured] * 3),

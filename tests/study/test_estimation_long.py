@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from omnidrive.estimation import PoseFixSettings
+from omnidrive.evaluation import measure
 from omnidrive.scenario import (
     RunSettings,
     SensorsSection,
@@ -33,10 +34,10 @@ def test_true_errors_with_the_estimator_over_twenty_seeds(name):
     planned = plan_and_check(scenario)
     rows = []
     for repeat in range(SEEDS):
-        result = simulate_run(planned, RunSettings("noise", "holonomic-nmpc", 30.0, 15, repeat))
-        assert result.run.outcome is Outcome.FINISHED
-        estimation_error = np.hypot(*(result.run.pose - result.run.measured)[:, :2].T)
-        m = result.metrics
+        run = simulate_run(planned, RunSettings("noise", "holonomic-nmpc", 30.0, 15, repeat))
+        assert run.outcome is Outcome.FINISHED
+        estimation_error = np.hypot(*(run.pose - run.measured)[:, :2].T)
+        m = measure(run, planned.robot.drive)
         rows.append((m.me, m.mae, m.max_error, estimation_error.mean(), estimation_error[-1]))
     found = np.array(rows)
     mean, worst = found.mean(axis=0), found.max(axis=0)

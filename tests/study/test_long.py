@@ -38,7 +38,8 @@ MAPS = {
 @pytest.mark.parametrize("seed", SEEDS)
 def test_errors_with_noise_match_the_paper_for_other_seeds(controller, seed):
     planned = plan_and_check(paper_scenario().model_copy(update={"seed": seed}))
-    m = simulate_run(planned, RunSettings("noise", controller, 30.0, 15)).metrics
+    run = simulate_run(planned, RunSettings("noise", controller, 30.0, 15))
+    m = measure(run, planned.robot.drive)
     row = PUBLISHED_ERRORS["noise", 30.0, controller]
     assert m.me_measured <= 1.15 * row.me
     assert m.mae_measured <= 1.15 * row.mae
@@ -49,7 +50,7 @@ def test_errors_with_noise_match_the_paper_for_other_seeds(controller, seed):
 def test_every_run_finishes_on_plants_with_forces(plant, preset):
     planned = plan_and_check(paper_scenario(preset).with_values(plant=plant))
     for job in settings_of_runs(planned.scenario):
-        assert simulate_run(planned, job).run.outcome is Outcome.FINISHED, job
+        assert simulate_run(planned, job).outcome is Outcome.FINISHED, job
 
 
 @pytest.mark.parametrize("name", MAPS)

@@ -20,22 +20,25 @@ def test_every_run_recovers_or_is_stopped(preset, plant):
     scenario = paper_scenario(preset).model_copy(
         update={"plant": plant, "tasks": Tasks(faults=FaultsTask(duration=20.0))}
     )
-    results = run_study(scenario, processes=2).results
-    assert len(results.recoveries) == 12 * len(scenario.controllers)
-    for result, found in results.recoveries:
-        assert found.recovered or found.stopped, result.name
-        if found.stopped:
-            assert "the watchdog stops the robot" in result.run.events[-1].what
-        if result.fault.kind in {"wheel-dead", "wheel-locked"}:
-            assert found.recovered, result.name
-            assert any(event.what.startswith("wheel 0 is") for event in result.run.events)
-            extra = 0.05 if result.fault.kind == "wheel-locked" else 0.02
-            healthy = next(
-                r for r in results.faults if r.fault is None and r.controller == result.controller
-            )
-            after_fault = healthy.run.t >= result.fault.at
-            error = (healthy.run.pose - healthy.run.target)[after_fault, :2]
-            assert found.max_error <= (error**2).sum(axis=1).max() ** 0.5 + extra, result.name
+    logs = run_study(scenario, processes=2).logs
+    runs = logs.select("faults")
+    faulty = [each for each in runs if each.record.variant in logs.faults]
+    healthy = {each.controller: each.log for each in runs if each.record.variant not in logs.faults}
+    assert len(faulty) == 12 * len(scenario.controllers)
+    for record, log in faulty:
+        fault, recovered = logs.faults[record.variant], record.metrics["recovered"] == 1.0
+        is_stopped = record.outcome == "stopped"
+        assert recovered or is_stopped, record.name
+        if is_stopped:
+            assert "the watchdog stops the robot" in log.events[-1].what
+        if fault.kind in {"wheel-dead", "wheel-locked"}:
+            assert recovered, record.name
+            assert any(event.what.startswith("wheel 0 is") for event in log.events)
+            extra = 0.05 if fault.kind == "wheel-locked" else 0.02
+            usual = healthy[record.controller]
+            error = (usual.pose - usual.target)[usual.t >= fault.at, :2]
+            largest = (error**2).sum(axis=1).max() ** 0.5
+            assert record.metrics["worst_error"] <= largest + extra, record.name
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -44,7 +47,7 @@ def test_healthy_robot_causes_no_events(preset, plant):
     planned = plan_and_check(paper_scenario(preset).with_values(plant=plant))
     for job in settings_of_runs(planned.scenario):
         if job.task != "horizon":
-            run = simulate_run(planned, job).run
+            run = simulate_run(planned, job)
             assert run.events == (), job
             assert run.outcome is Outcome.FINISHED, job
 
@@ -59,6 +62,6 @@ def test_failure_of_every_wheel_is_compensated(plant, kind, wheel):
         tasks=Tasks(track=DurationsTask(durations=(20.0,))),
         faults=(parse_fault(f"{kind}:wheel={wheel},at=4"),),
     )
-    (result,) = run_study(scenario).results.tracks
-    assert any(event.what.startswith(f"wheel {wheel} is") for event in result.run.events)
-    assert result.metrics.me < 0.01
+    ((record, log),) = run_study(scenario).logs.runs
+    assert any(event.what.startswith(f"wheel {wheel} is") for event in log.events)
+    assert record.metrics["me"] < 0.01

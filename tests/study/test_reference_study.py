@@ -4,6 +4,7 @@ from functools import cache
 
 import pytest
 
+from omnidrive.evaluation import measure, step_response
 from omnidrive.evaluation.published import PUBLISHED_ERRORS
 from omnidrive.scenario import (
     RunSettings,
@@ -25,9 +26,14 @@ def name(job):
 
 @pytest.fixture(scope="module")
 def paper():
-    """The runs of the study, each simulated once."""
-    planned = plan_and_check(paper_scenario())
-    return cache(lambda job: simulate_run(planned, job))
+    """The planned study."""
+    return plan_and_check(paper_scenario())
+
+
+@pytest.fixture(scope="module")
+def log(paper):
+    """The logs of the study, each simulated once."""
+    return cache(lambda job: simulate_run(paper, job))
 
 
 @pytest.mark.parametrize(
@@ -39,38 +45,38 @@ def paper():
     ],
     ids=name,
 )
-def test_errors_are_not_larger_than_in_the_paper(paper, job):
+def test_errors_are_not_larger_than_in_the_paper(paper, log, job):
     """With noise: errors of the measured pose, as in the paper, with a tolerance of 15 %."""
     row = PUBLISHED_ERRORS[job.task, job.duration, job.controller]
-    result = paper(job)
-    m = result.metrics
-    assert result.run.outcome is Outcome.FINISHED
+    run, noise = log(job), job.task == "noise"
+    m = measure(run, paper.robot.drive)
+    assert run.outcome is Outcome.FINISHED
     assert m.fallbacks == 0
-    me, mae = (m.me_measured, m.mae_measured) if result.noise else (m.me, m.mae)
-    tolerance = 1.15 if result.noise else 1.0
+    me, mae = (m.me_measured, m.mae_measured) if noise else (m.me, m.mae)
+    tolerance = 1.15 if noise else 1.0
     assert me <= tolerance * row.me
     assert mae <= tolerance * row.mae
 
 
-def test_clearance_is_measured_to_the_wall(paper):
+def test_clearance_is_measured_to_the_wall(paper, log):
     """The border of the map is nearer at the start, with equal clearance for all controllers."""
     controllers = {"fuzzy_t1", "unicycle-nmpc", "holonomic-nmpc"}
     jobs = [
         job for job in TRACKS
         if (job.task, job.duration) == ("track", 20.0) and job.controller in controllers
     ]  # fmt: skip
-    clearances = {round(paper(job).min_clearance, 3) for job in jobs}
+    clearances = {round(paper.clearance(log(job).pose[:, :2]), 3) for job in jobs}
     assert len(clearances) == 3
     assert all(0.1 < c < 0.25 for c in clearances)
 
 
 @pytest.mark.parametrize("duration", [20.0, pytest.param(30.0, marks=pytest.mark.long)])
-def test_holonomic_nmpc_has_a_tenth_of_the_published_error(paper, duration):
+def test_holonomic_nmpc_has_a_tenth_of_the_published_error(paper, log, duration):
     (job,) = (
         job for job in TRACKS
         if (job.task, job.controller, job.duration) == ("track", "holonomic-nmpc", duration)
     )  # fmt: skip
-    m = paper(job).metrics
+    m = measure(log(job), paper.robot.drive)
     me, mae = RECOMMENDED[duration]
     assert m.me <= me
     assert m.mae <= mae
@@ -79,10 +85,10 @@ def test_holonomic_nmpc_has_a_tenth_of_the_published_error(paper, duration):
 
 
 @pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc"])
-def test_step_response_reaches_the_target(paper, controller):
-    result = paper(RunSettings("step", controller, 10.0))
-    assert result.run.outcome is Outcome.FINISHED
-    assert abs(result.run.pose[-10:] - result.run.target[-10:]).max() < 0.02
+def test_step_response_reaches_the_target(log, controller):
+    run = log(RunSettings("step", controller, 10.0))
+    assert run.outcome is Outcome.FINISHED
+    assert abs(run.pose[-10:] - run.target[-10:]).max() < 0.02
 
 
 @pytest.mark.parametrize(
@@ -93,10 +99,10 @@ def test_preset_published_code_has_the_wrong_effective_radius(controller):
     """With R = 0.5 m in the wheel matrix, yaw rates are 0.707 times the commanded ones."""
     published = plan_and_check(paper_scenario("published-code"))
     assert published.robot.assumed_effective_radius == 0.5
-    result = simulate_run(published, RunSettings("track", controller, 20.0, 15))
+    run = simulate_run(published, RunSettings("track", controller, 20.0, 15))
     row = PUBLISHED_ERRORS["track", 20.0, controller]
-    assert result.run.outcome is Outcome.FINISHED
-    assert result.metrics.me <= row.me
+    assert run.outcome is Outcome.FINISHED
+    assert measure(run, published.robot.drive).me <= row.me
 
 
 @pytest.fixture(scope="module")
@@ -107,10 +113,10 @@ def recommended():
 @pytest.mark.parametrize("controller", ["pid", "fuzzy_t1", "fuzzy_t2"])
 @pytest.mark.parametrize("duration", [20.0, pytest.param(30.0, marks=pytest.mark.long)])
 def test_recommended_pids_track_closely(recommended, controller, duration):
-    result = simulate_run(recommended, RunSettings("track", controller, duration))
-    m = result.metrics
+    run = simulate_run(recommended, RunSettings("track", controller, duration))
+    m = measure(run, recommended.robot.drive)
     me, mae = RECOMMENDED_PID[duration]
-    assert result.run.outcome is Outcome.FINISHED
+    assert run.outcome is Outcome.FINISHED
     assert m.me <= me
     assert m.mae <= mae
     assert m.me_after_start <= 0.002
@@ -119,8 +125,10 @@ def test_recommended_pids_track_closely(recommended, controller, duration):
 @pytest.mark.parametrize("controller", ["pid", "fuzzy_t1", "fuzzy_t2"])
 def test_recommended_pids_have_little_overshoot(recommended, controller):
     """In the paper, the overshoot of type 1 is 10.8 %, 9.4 % and 78.9 %."""
-    result = simulate_run(recommended, RunSettings("step", controller, 10.0))
-    assert abs(result.run.pose[-10:] - result.run.target[-10:]).max() < 1e-3
-    for response in result.responses:
+    run = simulate_run(recommended, RunSettings("step", controller, 10.0))
+    assert abs(run.pose[-10:] - run.target[-10:]).max() < 1e-3
+    start, goal = recommended.start, run.target[-1]
+    for i in range(3):
+        response = step_response(run.t, run.pose[:, i], start[i], goal[i])
         assert response.overshoot < 1.0
         assert response.settling_time < 1.3

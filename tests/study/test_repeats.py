@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from omnidrive.evaluation import measure
 from omnidrive.scenario import (
     RunSettings,
     one_task,
@@ -15,6 +16,7 @@ from omnidrive.scenario import (
     settings_of_runs,
     simulate_run,
 )
+from omnidrive.scenario.run_settings import run_name
 from omnidrive.study import read_study, run_study
 from tests.study.small import noise_scenario, small_scenario
 from tests.study.test_study import numbers
@@ -38,11 +40,9 @@ def test_first_repeat_equals_a_study_without_repeats(folder):
     once = [job for job in settings_of_runs(small_scenario()) if job.task == "noise"]
     assert [job.repeat for job in once] == [0] * 4
     first = next(r for r in numbers(folder)["runs"] if r["controller"] == "holonomic-nmpc")
-    single = simulate_run(
-        plan_and_check(small_scenario()), RunSettings("noise", "holonomic-nmpc", 20.0)
-    )
-    assert single.name == first["name"] == "noise-holonomic-nmpc-20s"
-    assert single.metrics.me == first["me"]
+    planned, single = plan_and_check(small_scenario()), RunSettings("noise", "holonomic-nmpc", 20.0)
+    assert run_name(planned.scenario, single) == first["name"] == "noise-holonomic-nmpc-20s"
+    assert measure(simulate_run(planned, single), planned.robot.drive).me == first["me"]
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2**32, 2**53])
@@ -105,11 +105,11 @@ def test_evidence_of_the_stored_runs_is_that_of_the_comparison(folder):
         for each in json.loads((folder / "results.json").read_text())["paired"]
     }
     found = 0
-    for measure in ("me", "mae"):
-        (noise,) = study.evidence.of(measure)
+    for name in ("me", "mae"):
+        (noise,) = study.evidence.of(name)
         assert {each.mean.sample_size for each in noise.summaries} == {SEEDS}
         for pair in noise.pairs:
-            other = compared[measure, pair.first, pair.second]
+            other = compared[name, pair.first, pair.second]
             assert pair.difference.sample_size == other["seeds"]
             assert pair.difference.mean == pytest.approx(other["mean"], rel=1e-9)
             assert pair.p == pytest.approx(other["p"], rel=1e-9)
@@ -119,7 +119,7 @@ def test_evidence_of_the_stored_runs_is_that_of_the_comparison(folder):
 
 def test_study_without_repeats_has_no_paired_differences():
     study = run_study(small_scenario(controllers=("holonomic-nmpc",)))
-    assert study.results.repeats == 1
+    assert study.logs.repeats == study.evidence.runs.repeats == 1
     assert not [t for t in study.tables if "Paired" in t.title]
 
 

@@ -12,7 +12,7 @@ from omnidrive.scenario.tasks import DurationsTask, NoiseTask, StepTask, Tasks
 from omnidrive.study import run_study
 from omnidrive.study.output_paths import check_study_folder
 from omnidrive.study.progress import NullProgress
-from omnidrive.study.study import _check_scenario
+from omnidrive.study.run_study import _check_scenario
 from tests.study.small import small_scenario
 
 SHORT = small_scenario(
@@ -61,7 +61,7 @@ def test_second_call_on_one_folder_shares_the_runs(tmp_path, monkeypatch):
 
     study = run_study(SHORT, tmp_path / "s", progress=Second(), figures=())
     count = len(settings_of_runs(SHORT))
-    assert len(study.results.runs) == len(others[1].results.runs) == count
+    assert len(study.records) == len(others[1].records) == count
     assert len(seen) == count
 
 
@@ -73,18 +73,11 @@ def without_times(value):
     return [without_times(each) for each in value] if isinstance(value, list) else value
 
 
-@pytest.fixture
-def _no_figures(monkeypatch):
-    monkeypatch.setattr("omnidrive.study.study.write_figures", lambda *_: [])
-    monkeypatch.setattr("omnidrive.study.study.write_page", lambda _, __, path: path.touch())
-
-
 def interrupt(folder, count=2):
     with pytest.raises(KeyboardInterrupt):
         run_study(SHORT, folder, progress=Interrupting(count))
 
 
-@pytest.mark.usefixtures("_no_figures")
 def test_interrupted_study_continues_with_the_same_results(tmp_path, monkeypatch):
     run_study(SHORT, tmp_path / "whole")
     interrupt(tmp_path / "study")
@@ -101,7 +94,6 @@ def test_interrupted_study_continues_with_the_same_results(tmp_path, monkeypatch
     assert without_times(whole) == without_times(continued)
 
 
-@pytest.mark.usefixtures("_no_figures")
 def test_run_whose_log_is_damaged_is_executed_again(tmp_path, monkeypatch):
     interrupt(tmp_path, 3)
     series = sorted((tmp_path / "series").iterdir())
@@ -120,15 +112,20 @@ def test_folder_of_another_study_is_refused(tmp_path):
     check_study_folder(tmp_path)
 
 
-@pytest.mark.usefixtures("_no_figures")
-def test_finished_study_is_not_continued(tmp_path):
-    run_study(SHORT, tmp_path / "a")
-    with pytest.raises(CannotWrite, match="is not empty; choose a new folder with --out"):
-        run_study(SHORT, tmp_path / "a")
+def test_finished_study_is_reported_again_without_runs(tmp_path, monkeypatch):
+    run_study(SHORT, tmp_path)
+    before = json.loads((tmp_path / "results.json").read_text())
+    (tmp_path / "report.html").unlink()
+    seen = executed(monkeypatch)
+    study = run_study(SHORT, tmp_path)
+    assert (seen, len(study.records)) == ([], 4)
+    assert (tmp_path / "report.html").exists()
+    again = json.loads((tmp_path / "results.json").read_text())
+    assert without_times(again) == without_times(before)
 
 
 def test_a_scenario_is_needed_and_a_study_is_shown_in_one_line():
     with pytest.raises(InvalidInput, match=r"the scenario is 'a\.yaml', need a Scenario"):
         _check_scenario("a.yaml")
     study = run_study(SHORT)
-    assert repr(study) == f"<Study {study.results.title!r}: 4 runs, folder 'None'>"
+    assert repr(study) == f"<Study {study.facts.name!r}: 4 runs, folder 'None'>"

@@ -1,5 +1,6 @@
 """Execution of runs in worker processes: results, lost runs, messages."""
 
+import json
 import os
 import signal
 import subprocess
@@ -11,9 +12,7 @@ import pytest
 
 from omnidrive.compiled.compilation import reported
 from omnidrive.components import configure
-from omnidrive.scenario.planned_scenario import plan_and_check
-from omnidrive.scenario.run_settings import run_name, settings_of_runs
-from omnidrive.scenario.run_simulation import unfinished
+from omnidrive.scenario.run_settings import run_name
 from omnidrive.scenario.tasks import DurationsTask, FaultsTask, NoiseTask, StepTask, Tasks
 from omnidrive.simulation import Outcome
 from omnidrive.study import StudyDefinition, block_runner, run_study
@@ -21,6 +20,7 @@ from omnidrive.study.block_runner import run_block
 from omnidrive.study.progress import NullProgress
 from omnidrive.study.run_experiment import is_sequential
 from omnidrive.study.run_plan import RunPlan
+from omnidrive.study.run_recording import lost_record
 from tests.study.processes import workers
 from tests.study.small import small_scenario
 
@@ -70,10 +70,10 @@ def test_killed_worker_delays_the_study_only(caplog):
         workers()[0].kill()
 
     progress = Acting(kill)
-    results = run_study(SIX, processes=2, progress=progress).results
-    assert len(results.runs) == 6
-    assert {each.name for each in results.runs} <= set(progress.finished)
-    assert all(each.run.outcome is Outcome.FINISHED for each in results.runs)
+    study = run_study(SIX, processes=2, progress=progress)
+    assert len(study.records) == len(study.logs.select("track", "noise", "step")) + 3 == 6
+    assert {each.name for each in study.records} <= set(progress.finished)
+    assert all(each.finished for each in study.records)
     assert sum("was killed" in text for text in caplog.messages) <= 1
     assert not workers()
 
@@ -128,7 +128,7 @@ class Stopped(Law):
 
 
 def steps_of_laws(folder, *names, **options):
-    """Return the runs of step responses of the laws with these names."""
+    """Return the study of step responses of the laws with these names."""
     (folder / "laws.py").write_text(LAWS, encoding="utf-8")
     laws = {
         name: configure("controllers", f"{folder}/laws.py:{name}", allow_code=True)
@@ -136,36 +136,38 @@ def steps_of_laws(folder, *names, **options):
     }
     step = StepTask(displacement=(0.3, 0.1, 0.2), duration=1.0)
     scenario = small_scenario(controllers=laws, tasks=Tasks(step=step))
-    study = run_study(scenario, folder / "a", processes=2, figures=(), **options)
-    return [each.run for each in study.results.steps]
+    return run_study(scenario, folder / "a", processes=2, figures=(), **options)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs Unix")
 def test_killed_runs_have_an_outcome_and_the_others_finish(tmp_path):
-    killed, good = steps_of_laws(tmp_path, "Killed", "Law")
-    assert (killed.outcome, good.outcome) == (Outcome.KILLED, Outcome.FINISHED)
-    assert "--jobs 1" in killed.ending
-    assert len(killed.t) == 1
+    study = steps_of_laws(tmp_path, "Killed", "Law")
+    assert [each.outcome for each in study.records] == ["killed", "finished"]
+    assert "--jobs 1" in dict(study.failures)[0]
+    assert [each.controller for each in study.logs.runs] == ["Law"]
+    data = json.loads((tmp_path / "a" / "results.json").read_text())
+    series = {row["controller"]: row["series"] for row in data["step_response"]}
+    assert series == {"Killed": None, "Law": "series/step-Law.parquet"}
 
 
 @pytest.mark.long
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs Unix")
 def test_stopped_runs_have_an_outcome_and_the_others_finish(tmp_path):
-    stopped, good = steps_of_laws(tmp_path, "Stopped", "Law", run_timeout=60.0)
-    assert (stopped.outcome, good.outcome) == (Outcome.TIMED_OUT, Outcome.FINISHED)
-    assert stopped.ending == "the run exceeded its time limit: 60 s"
-    assert len(stopped.t) == 1
+    study = steps_of_laws(tmp_path, "Stopped", "Law", run_timeout=60.0)
+    assert [each.outcome for each in study.records] == ["timed_out", "finished"]
+    assert dict(study.failures)[0] == "the run exceeded its time limit: 60 s"
+    assert [each.controller for each in study.logs.runs] == ["Law"]
 
 
 @pytest.mark.parametrize("task", ["track", "step", "faults"])
-def test_result_of_a_lost_run_is_that_of_its_task(task):
+def test_record_of_a_lost_run_is_that_of_its_task(task):
     tasks = small_scenario().tasks.model_copy(update={"faults": FaultsTask(duration=20.0)})
-    planned = plan_and_check(small_scenario(tasks=tasks))
-    job = [job for job in settings_of_runs(planned.scenario) if job.task == task][-1]
-    result = unfinished(planned, job, Outcome.KILLED, "twice")
-    assert result.run.ending == "the process of the run was killed: twice"
-    assert result.name == run_name(planned.scenario, job)
-    assert result.run.pose[0].tolist() == list(planned.start)
+    plan = RunPlan(StudyDefinition.from_scenario(small_scenario(tasks=tasks)))
+    run = [each for each in plan if each.settings.task == task][-1]
+    record = lost_record(run, Outcome.KILLED, "twice")
+    assert record.detail == "the process of the run was killed: twice"
+    assert record.name == run_name(run.scenario, run.settings)
+    assert (record.finished, record.metrics) == (False, {})
 
 
 class CompilingProgress(NullProgress):
@@ -189,7 +191,7 @@ from omnidrive.study import run_study
 from tests.study.processes import workers
 from tests.study.small import small_scenario
 study = run_study(small_scenario(controllers=("feedforward",)), processes=2)
-print(len(study.results.runs))
+print(len(study.records))
 """
 
 
@@ -203,4 +205,4 @@ def test_script_needs_no_main_guard(tmp_path):
         capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
     assert process.returncode == 0, process.stderr
-    assert process.stdout.split()
+    assert process.stdout.split() == ["3"]

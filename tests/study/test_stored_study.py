@@ -1,6 +1,7 @@
 """Report, export and difference of stored studies, also by their verbs."""
 
 import csv
+import json
 import os
 from dataclasses import replace
 from hashlib import sha256
@@ -14,10 +15,11 @@ from typer.testing import CliRunner
 
 from omnidrive.cli.main import app
 from omnidrive.errors import InvalidInput, InvalidStore, OmnidriveError
+from omnidrive.evaluation import RunRecord
+from omnidrive.evaluation.figures.catalogue import write_figures
 from omnidrive.files.output_file import _COMPUTER
-from omnidrive.scenario import save_scenario
-from omnidrive.study import RunPlan, parse_definition, save_definition
-from omnidrive.study.run_record import RunRecord
+from omnidrive.study import RunPlan, parse_definition, run_study, save_definition
+from omnidrive.study.run_export import results_digest
 from omnidrive.study.run_recording import relabelled
 from omnidrive.study.setup_facts import setup_facts
 from omnidrive.study.store import Store
@@ -26,8 +28,8 @@ from omnidrive.study.stored_study import (
     export_study,
     read_study,
     report_study,
-    results_digest,
 )
+from tests.study.small import small_scenario
 
 DEFINITION = {
     "format": "omnidrive-study-1",
@@ -78,13 +80,18 @@ def second(tmp_path_factory):
     return made(tmp_path_factory.mktemp("second") / "study", better=1e-3)
 
 
+@pytest.fixture
+def _with_figures(monkeypatch):
+    monkeypatch.setattr("omnidrive.evaluation.study_report.write_figures", write_figures)
+
+
 def verb(*arguments):
     return CliRunner().invoke(app, ["study", *map(str, arguments)])
 
 
 def test_facts_state_what_was_done(first):
     study = read_study(first)
-    facts = study.facts()
+    facts = study.facts
     assert facts.question == "Does a shorter sample time help?"
     assert facts.planned == len(study.table) == 48
     assert facts.setup["Axis sample_time"] == "0.05, 0.1"
@@ -101,19 +108,19 @@ def test_facts_state_what_was_done(first):
 
 def test_versions_are_stated_only_if_the_keys_are_theirs(first):
     study = read_study(first)
-    assert study.facts().versions["omnidrive"] == version("omnidrive")
+    assert study.facts.versions["omnidrive"] == version("omnidrive")
     keys = ["0" * 64, *study.table["key"].to_pylist()[1:]]
-    other = study._replace(table=study.table.set_column(1, "key", pa.array(keys)))
-    assert list(other.facts().versions) == ["Versions"]
+    other = replace(study, table=study.table.set_column(1, "key", pa.array(keys)))
+    assert list(other.facts.versions) == ["Versions"]
 
 
 def test_hash_of_the_results_is_that_of_the_exported_file(first, second, tmp_path):
     study = read_study(first)
     export_study(study, tmp_path / "runs.csv")
     digest = sha256((tmp_path / "runs.csv").read_bytes()).hexdigest()
-    hashes = study.facts().hashes
+    hashes = study.facts.hashes
     assert results_digest(study.table) == hashes["Results"] == digest
-    other = read_study(second).facts().hashes
+    other = read_study(second).facts.hashes
     assert other.keys() == hashes.keys()
     assert [other[name] == hashes[name] for name in hashes] == [True, True, False]
 
@@ -140,7 +147,8 @@ def test_exported_table_has_exact_numbers_and_times_on_demand(first, tmp_path):
     table = pq.read_table(tmp_path / "runs.parquet")
     assert table["number"].to_pylist() == list(range(48))
     assert (
-        table["timing:step_time_median"].to_pylist() == study.timing["step_time_median"].to_pylist()
+        table["timing:step_time_median"].to_pylist()
+        == study.step_times["step_time_median"].to_pylist()
     )
     with pytest.raises(InvalidInput, match=r"the suffix of an exported table is \.csv or"):
         export_study(study, tmp_path / "runs.xlsx")
@@ -160,17 +168,28 @@ def test_sequential_study_has_always_valid_intervals(tmp_path):
         store.note("until", "me:0.1mm")
     study = read_study(folder)
     assert study.evidence.always_valid
-    assert study.facts().command.startswith("omnidrive study study.yaml --until me:0.1mm")
+    assert study.facts.command.startswith("omnidrive study study.yaml --until me:0.1mm")
 
 
-def test_report_of_a_comparison_leaves_its_own_report(first, tmp_path):
-    save_scenario(read_study(first).definition.scenario, tmp_path / "scenario.yaml")
-    (tmp_path / "runs.sqlite").write_bytes((first / "runs.sqlite").read_bytes())
+def test_comparison_is_read_and_reported_as_it_was_computed(tmp_path):
+    computed = run_study(small_scenario(controllers=("feedforward", "pid")), tmp_path)
     study = read_study(tmp_path)
-    assert study.is_comparison
-    assert study.facts().command == "omnidrive compare scenario.yaml --out repeated"
-    assert report_study(study).page == tmp_path / "evidence" / "report.html"
-    assert not (tmp_path / "report.html").exists()
+    assert study.definition.is_one_scenario
+    assert study.facts.command == "omnidrive compare scenario.yaml --out repeated"
+    assert results_digest(study.table) == results_digest(computed.table)
+    assert [each.name for each in study.logs.runs] == [each.name for each in computed.logs.runs]
+    written = {name: (tmp_path / name).read_bytes() for name in ("report.html", "results.json")}
+    for name in written:
+        (tmp_path / name).unlink()
+    page, tables = report_study(study)
+    assert page == tmp_path / "report.html"
+    assert page.read_bytes() == written["report.html"]
+    assert [table.title for table in tables] == [table.title for table in computed.tables]
+    before = json.loads(written["results.json"])
+    after = json.loads((tmp_path / "results.json").read_text())
+    assert before.pop("timing_s").keys() == {"plan", "simulate", "report"}
+    assert after.pop("timing_s") == {}
+    assert after == before
 
 
 def test_verb_diff_prints_table_and_json(first, second):
@@ -191,6 +210,7 @@ def test_verb_export(first, tmp_path):
     assert done.stdout.startswith("48 runs written to ")
 
 
+@pytest.mark.usefixtures("_with_figures")
 def test_verb_report_of_a_part_of_a_study(tmp_path):
     folder = made(tmp_path / "a", stored=40, changes={"axes": {}, "repetitions": 30})
     done = verb("report", folder, "--metric", "mae")
@@ -198,7 +218,7 @@ def test_verb_report_of_a_part_of_a_study(tmp_path):
     assert "Noise 8 s: no difference in MAE is shown between" in " ".join(done.stdout.split())
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "20 of 60 planned runs are not finished" in page
-    assert (folder / "tables" / "answer.csv").is_file()
+    assert (folder / "tables" / "verdict.csv").is_file()
     assert (folder / "figures" / "pairs.svg").is_file()
 
 
@@ -241,7 +261,7 @@ def test_temporary_files_of_killed_writers_are_removed(tmp_path):
     (folder / "tables").mkdir()
     left = [
         folder / f".report.html.{_COMPUTER}-{2**31 - 1}-0.part",
-        folder / "tables" / f".answer.csv.{_COMPUTER}-{2**31 - 1}-1.part",
+        folder / "tables" / f".verdict.csv.{_COMPUTER}-{2**31 - 1}-1.part",
         folder / f".runs.sqlite.{_COMPUTER}-{2**31 - 1}-2.part-wal",
     ]
     other = tmp_path / f".runs.csv.{_COMPUTER}-{2**31 - 1}-2.part"
@@ -295,6 +315,7 @@ def test_failed_runs_without_a_detail_have_a_reason(tmp_path):
         assert store.status().failures == [(run.number, "stalled")]
 
 
+@pytest.mark.usefixtures("_with_figures")
 def test_figures_are_written_in_the_chosen_formats_or_not_at_all(first, tmp_path):
     def written(*options):
         folder = tmp_path / "-".join(("out", *options))

@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
+from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.study import RunPlan, parse_definition, save_definition
-from omnidrive.study.run_record import RunRecord
 from omnidrive.study.store import Store
 from omnidrive.study.study_folder import DEFINITION_FILE, note_file
 from tests.study.test_stored_study import DEFINITION

@@ -66,20 +66,20 @@ def test_report_contains_the_fault_table(folder):
 def test_scenario_of_the_folder_reproduces_the_results(folder):
     scenario = load_scenario(folder / "scenario.yaml")
     assert scenario.tasks.faults == FaultsTask(duration=20.0)
-    results = run_study(scenario, processes=2).results
+    study = run_study(scenario, processes=2)
     old = json.loads((folder / "results.json").read_text())["faults"]
-    new = results_data(scenario, scenario, results, {})["faults"]
-    assert json.loads(json.dumps(new)) == old
-    assert len(results.faults) == 12
+    assert json.loads(json.dumps(results_data(study)["faults"])) == old
+    assert len(study.logs.select("faults")) == 12
 
 
 def test_stopped_run_has_not_recovered():
     tasks = faulty("sensor-silent:at=4,duration=10", "encoder-dead:at=4").tasks
     study = run_study(small_scenario(tasks=tasks, controllers=("feedforward",)))
-    (_, silent), (_, encoder) = study.results.recoveries
-    assert (silent.recovered, silent.stopped) == (False, True)
-    assert np.isnan(silent.time_to_recover)
-    assert encoder == (True, 0.0, encoder.max_error, False)
+    _, silent, encoder = study.records
+    assert (silent.metrics["recovered"], silent.outcome) == (0.0, "stopped")
+    assert np.isnan(silent.metrics["time_to_recover"])
+    assert (encoder.metrics["recovered"], encoder.outcome) == (1.0, "finished")
+    assert encoder.metrics["time_to_recover"] == 0.0
     table = next(t for t in study.tables if t.title == "Disturbances and faults")
     assert table.rows[0][2].startswith("stopped at 6")
     assert table.rows[0][-1].startswith("5.80 s: the watchdog stops the robot: its pose is lost")
@@ -87,7 +87,7 @@ def test_stopped_run_has_not_recovered():
 
 
 def test_recovery_is_permanent_and_relative_to_the_run_without_the_fault():
-    run = run_study(faulty("encoder-dead:at=4")).results.faults[0].run
+    run = run_study(faulty("encoder-dead:at=4")).logs.runs[0].log
 
     def displaced(extra):
         pose = run.pose.copy()
@@ -110,9 +110,9 @@ def test_faults_act_in_every_run_of_a_scenario():
         tasks=small_scenario().tasks.model_copy(update={"horizon": None, "noise": None}),
     )  # fmt: skip
     study = run_study(scenario)
-    assert len(study.results.runs) == 2
-    for result in study.results.runs:
-        assert [event.what for event in result.run.events] == ["pose-jump begins"]
+    assert len(study.logs.runs) == 2
+    for each in study.logs.runs:
+        assert [event.what for event in each.log.events] == ["pose-jump begins"]
 
 
 def test_paper_scenario_has_no_faults():
@@ -127,7 +127,7 @@ def test_a_watchdog_can_be_set_and_taken_away():
         (WatchdogSection(age=100.0, error=0.3), Outcome.STOPPED),
     ):
         scenario = small_scenario(tasks=tasks, controllers=("feedforward",), watchdog=section)
-        assert run_study(scenario).results.faults[1].run.outcome is outcome
+        assert run_study(scenario).logs.runs[1].log.outcome is outcome
 
 
 def test_default_faults_are_those_that_the_plant_supports():

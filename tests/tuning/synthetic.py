@@ -5,8 +5,8 @@ from typing import Annotated
 
 from omnidrive.components import Configured
 from omnidrive.components.component import Component
+from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.parameter import Bounds
-from omnidrive.study.run_record import RunRecord
 
 
 @dataclass(frozen=True)

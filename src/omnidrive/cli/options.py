@@ -52,7 +52,7 @@ def option(
     text: str,
     panel: str | None = None,
     *names: str,
-    least: int | None = None,
+    minimum: int | None = None,
     complete: Complete | None = None,
 ) -> Any:
     """Return a typer option, for use in ``Annotated``.
@@ -62,7 +62,7 @@ def option(
         text: Help text.
         panel: Panel of the help text. None: the first one.
         names: Option names; default: derived from the parameter name.
-        least: Minimum value.
+        minimum: Minimum value.
         complete: Completion of its value in a shell; by default files.
     """
     return typer.Option(
@@ -70,7 +70,7 @@ def option(
         metavar=metavar,
         help=text,
         rich_help_panel=panel,
-        min=least,
+        min=minimum,
         autocompletion=complete,
     )
 

@@ -79,8 +79,8 @@ def _min_width(table: Table, i: int) -> int:
     Sentences can be wrapped to a smaller width.
     """
     cells = (_cell(table, k, i) for k in range(len(table.rows)))
-    least = max(map(len, [*table.columns[i].split(), *cells]))
-    return min(least, _SENTENCE_WIDTH) if _is_prose(table, i) else least
+    minimum = max(map(len, [*table.columns[i].split(), *cells]))
+    return min(minimum, _SENTENCE_WIDTH) if _is_prose(table, i) else minimum
 
 
 def _cell(table: Table, row: int, i: int) -> str:
@@ -99,9 +99,9 @@ def _fill(drawn: RichTable, table: Table, columns: list[int], *, tight: bool) ->
     for i in columns:
         words = i < table.keys or _is_prose(table, i)
         side: Literal["left", "right"] = "left" if words else "right"
-        least = _min_width(table, i)
-        most = least if tight and not _is_prose(table, i) else None
-        drawn.add_column(Text(table.columns[i]), justify=side, min_width=least, max_width=most)
+        minimum = _min_width(table, i)
+        maximum = minimum if tight and not _is_prose(table, i) else None
+        drawn.add_column(Text(table.columns[i]), justify=side, min_width=minimum, max_width=maximum)
     grouped = len({row[0] for row in table.rows}) < len(table.rows)
     values = columns[table.keys :]  # none if all runs stopped early
     rows = [k for k, row in enumerate(table.rows) if not values or any(row[i] for i in values)]

@@ -173,7 +173,7 @@ class Component:
             for part in loc[:-1]:
                 group = field_type(group, str(part)) if part in field_names(group) else None
             known = field_names(group)
-            hint = suggestion(str(loc[-1]), known, most=30) if known else ""
+            hint = suggestion(str(loc[-1]), known, maximum=30) if known else ""
             if nested := self._nested([str(part) for part in loc]):
                 hint = f"; did you mean {' or '.join(nested)}?"
             text = f"has no parameter '{one_line(str(loc[-1]), 60)}'{hint}"

@@ -6,15 +6,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from omnidrive.deploy.drive import DriveResult
-from omnidrive.evaluation import Table, study_tables, write_figures, write_page, write_tables
-from omnidrive.evaluation.page import PageFigure
+from omnidrive.evaluation import RecordedRun, Table
+from omnidrive.evaluation.figures.catalogue import Drawing
+from omnidrive.evaluation.run_table import tables_of
+from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.scenario.planned_scenario import PlannedScenario
-from omnidrive.scenario.run_settings import settings_of_runs
-from omnidrive.scenario.run_simulation import evaluate
+from omnidrive.study.definition import StudyDefinition
 from omnidrive.study.folder import RunFolder
-from omnidrive.study.output_paths import REPORT_FILE
-from omnidrive.study.scenario_execution import collect_results
+from omnidrive.study.results_data import save_results
+from omnidrive.study.run_plan import RunPlan
+from omnidrive.study.run_recording import record_of
+from omnidrive.study.study import Study, study_logs
 
 _ESTIMATED = (
     "The true pose of a robot is not known: poses, speeds and errors are those of the estimate."
@@ -45,24 +50,22 @@ def save_drive(
     Raises:
         CannotWrite: A file cannot be written.
     """
-    (settings,) = settings_of_runs(planned.scenario)
-    done = evaluate(planned, settings, result.run)
-    results = replace(
-        collect_results(planned, [settings], {settings: done}),
-        title=f"{planned.scenario.name}: drive over the link {link}",
-        plant=f"robot over the link {link}, in real time",
+    scenario = planned.scenario
+    definition = StudyDefinition.from_scenario(scenario, series="all")
+    (run,) = RunPlan(definition)
+    record = record_of(run, planned, result.run)
+    logs = study_logs(planned, [RecordedRun(record, result.run)])
+    study = Study(None, definition, "", *tables_of([record]), planned=planned)
+    study.logs = replace(logs, plant=f"robot over the link {link}, in real time")
+    title = f"{scenario.name}: drive over the link {link}"
+    study.facts = StudyFacts(title, types=logs.types)
+    folder.save_series(record.name, result.run)
+    figures_of_drive = {"punctuality": _punctuality(result, scenario.sample_time)}
+    *_, page = study.report.write(
+        folder.path, formats=figures, figures=figures_of_drive, tables=drive_tables(result)
     )
-    tables = [*drive_tables(result), *study_tables(results, published=False)]
-    folder.save_series(done.name, result.run)
-    shown = []
-    if figures:
-        list(write_figures(results, folder.path / "figures", figures))
-        dt = planned.scenario.sample_time
-        shown = [_punctuality(result, dt, folder.path / "figures", figures)]
-    list(write_tables(tables, folder.path / "tables"))
-    folder.save_results(planned, results, {}, _drive_data(result, link))
-    write_page(results, tables, folder.path / REPORT_FILE, shown)
-    return folder.path / REPORT_FILE
+    save_results(study, folder.path, drive=_drive_data(result, link))
+    return page
 
 
 def drive_tables(result: DriveResult) -> list[Table]:
@@ -90,24 +93,18 @@ def drive_tables(result: DriveResult) -> list[Table]:
     ]
 
 
-def _punctuality(
-    result: DriveResult, dt: float, folder: Path, formats: Sequence[str]
-) -> PageFigure:
-    """Write the figure of the punctuality; return it for the report."""
-    from omnidrive.evaluation.figures.punctuality import (  # noqa: PLC0415 - takes a second
-        punctuality_figure,
-    )
-    from omnidrive.evaluation.figures.style import save  # noqa: PLC0415
+def _punctuality(result: DriveResult, dt: float) -> Drawing:
+    """Return the figure of the punctuality."""
 
-    figure = punctuality_figure(result.timing.lateness, result.timing.busy, dt)
-    path = folder / "punctuality.svg"
-    save(figure, path)
-    shown = PageFigure("Punctuality of the loop", _CAPTION, path.read_bytes())
-    if "svg" not in formats:
-        path.unlink()
-    for suffix in set(formats) - {"svg"}:
-        save(figure, path.with_suffix(f".{suffix}"))
-    return shown
+    def draw() -> Figure:
+        """Draw it."""
+        from omnidrive.evaluation.figures.punctuality import (  # noqa: PLC0415 - takes a second
+            punctuality_figure,
+        )
+
+        return punctuality_figure(result.timing.lateness, result.timing.busy, dt)
+
+    return Drawing(draw, "Punctuality of the loop", _CAPTION)
 
 
 def _drive_data(result: DriveResult, link: str) -> dict[str, object]:

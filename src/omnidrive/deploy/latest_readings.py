@@ -95,10 +95,10 @@ class LatestReadings:
         angles = self._given = self._angles_at(origin + t)
         if len(angles) == len(self._zero):
             angles = tuple(a - zero for a, zero in zip(angles, self._zero, strict=True))
-        least = -_INSTANT if origin != 0.0 else _INSTANT  # from 0, nothing was rounded
+        minimum = -_INSTANT if origin != 0.0 else _INSTANT  # from 0, nothing was rounded
         stamps = [fix.stamp - origin for fix in self._readings.fixes]
         fixes = tuple(
-            fix._replace(stamp=t if least < stamp - t <= MAX_AHEAD else stamp)
+            fix._replace(stamp=t if minimum < stamp - t <= MAX_AHEAD else stamp)
             for fix, stamp in zip(self._readings.fixes, stamps, strict=True)
         )
         return self._readings._replace(stamp=t, wheel_angles=angles, fixes=fixes)

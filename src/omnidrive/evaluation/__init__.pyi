@@ -1,55 +1,34 @@
-from .figures import plot, write_figures
+from .figures import plot
 from .metrics import Metrics, heading_error, measure, position_error
-from .page import write_page
-from .paired import (
-    MEASURES,
-    PairedDifference,
-    RepeatedRuns,
-    paired_differences,
-    repeated_runs,
-)
 from .path_error import PathErrors, path_errors
 from .recovery import Recovery, recovery
-from .results import (
-    FaultResult,
-    StepResult,
-    StudyResults,
-    TrackResult,
-)
+from .run_record import RunRecord
 from .step_response import STEP_AXES, StepResponse, step_response
+from .study_logs import RecordedRun, StudyLogs
+from .study_report import StudyReport
 from .table import Table
 from .table_files import write_tables
-from .tables import study_tables
-from .verdict import Verdict, headline, verdicts
+from .verdict import TaskVerdict, study_verdicts
 
 __all__ = [
-    "MEASURES",
     "STEP_AXES",
-    "FaultResult",
     "Metrics",
-    "PairedDifference",
     "PathErrors",
+    "RecordedRun",
     "Recovery",
-    "RepeatedRuns",
+    "RunRecord",
     "StepResponse",
-    "StepResult",
-    "StudyResults",
+    "StudyLogs",
+    "StudyReport",
     "Table",
-    "TrackResult",
-    "Verdict",
+    "TaskVerdict",
     "heading_error",
-    "headline",
     "measure",
-    "paired_differences",
     "path_errors",
     "plot",
     "position_error",
     "recovery",
-    "repeated_runs",
     "step_response",
-    "study_tables",
-    "verdicts",
-    "write_figures",
-    "write_page",
+    "study_verdicts",
     "write_tables",
 ]

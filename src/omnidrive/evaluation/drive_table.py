@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from omnidrive.estimation.drive_estimate import DriveEstimate, logged_drive
-from omnidrive.evaluation.results import StudyResults
+from omnidrive.evaluation.study_logs import StudyLogs
 from omnidrive.evaluation.table import NO_VALUE, Table, number_text
 
 _NORMAL_95 = 1.96
@@ -23,11 +23,11 @@ _DEFINITIONS = (
 )
 
 
-def drive_table(results: StudyResults) -> Table:
+def drive_table(logs: StudyLogs) -> Table:
     """Return a table of gains, lags and delay at the end of every run that logs them."""
     rows = []
-    for result in (*results.runs, *results.faults):
-        found = logged_drive(result.run.details)
+    for result in logs.runs:
+        found = logged_drive(result.log.details)
         if found is not None:
             rows.append((result.name, *_cells(found)))
     return Table(
@@ -38,7 +38,7 @@ def drive_table(results: StudyResults) -> Table:
         + (_DASH if any(NO_VALUE in row for row in rows) else ""),
         definitions=_DEFINITIONS,
         is_detail=True,
-    )
+    ).without_empty_columns()
 
 
 def _cells(found: DriveEstimate) -> tuple[str, ...]:

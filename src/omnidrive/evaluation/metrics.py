@@ -123,9 +123,15 @@ def measure(run: Run, chassis: Chassis) -> Metrics:
     )  # fmt: skip
     on_path = PathErrors(*(each[None] for each in path_errors(run)))
     (metrics,) = _metrics_of(logged, on_path)
-    step_time = run.step_time[np.isfinite(run.step_time)]
-    median, p99 = np.percentile(step_time, [50, 99]) if len(step_time) else (nan, nan)
-    return metrics._replace(step_time_median=float(median), step_time_p99=float(p99))
+    median, p99 = step_time_percentiles(run)
+    return metrics._replace(step_time_median=median, step_time_p99=p99)
+
+
+def step_time_percentiles(run: Run) -> tuple[float, float]:
+    """Return median and 99th percentile of the computing times of steps, us; NaN: unknown."""
+    times = run.step_time[np.isfinite(run.step_time)]
+    median, p99 = np.percentile(times, [50, 99]) if len(times) else (nan, nan)
+    return float(median), float(p99)
 
 
 def measure_many(runs: LoggedRuns) -> list[Metrics]:

@@ -52,13 +52,16 @@ def find_nearest(  # noqa: PLR0917
             square = min(a, b, c, d)
             # safely above the squares of the distances to check
             near = (sqrt(square) * (1.0 + 1e-12) + 2.0 * SAME) ** 2
-            least = inf
+            minimum = inf
             for i in range(count):
                 if squares[i] <= near:
-                    least = min(least, hypot(xs[start + i] - x, ys[start + i] - y))
+                    minimum = min(minimum, hypot(xs[start + i] - x, ys[start + i] - y))
             at = -1
             for i in range(count):
-                if squares[i] > near or hypot(xs[start + i] - x, ys[start + i] - y) > least + SAME:
+                if (
+                    squares[i] > near
+                    or hypot(xs[start + i] - x, ys[start + i] - y) > minimum + SAME
+                ):
                     continue
                 if at < 0 or times[start + i] < t[k] + EARLY:
                     at = start + i

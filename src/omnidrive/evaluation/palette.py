@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from omnidrive.evaluation.results import StudyResults
+from omnidrive.evaluation.study_logs import StudyLogs
 
 
 class ThemeColour(NamedTuple):
@@ -62,9 +62,9 @@ _MARKERS = "os^Dv*Xph"
 _RAMPS = ThemeColour("#440154 #3b528b #21918c #5ec962", "#9a7be0 #5f9be6 #2fc0ae #c4e65a")
 
 
-def controller_styles(results: StudyResults) -> dict[str, ControllerStyle]:
+def controller_styles(logs: StudyLogs) -> dict[str, ControllerStyle]:
     """Return the style of every controller of a study, by its label; see :func:`styles_of`."""
-    return styles_of({label: results.type_of(label) for label in results.controllers})
+    return styles_of({label: logs.type_of(label) for label in logs.controllers})
 
 
 def styles_of(types: Mapping[str, str]) -> dict[str, ControllerStyle]:

@@ -25,9 +25,9 @@ from omnidrive.evaluation.quantities import quantity
 from omnidrive.evaluation.repetition_means import repetition_means
 from omnidrive.evaluation.run_table import RunTable
 from omnidrive.evaluation.step_response import STEP_AXES
-from omnidrive.evaluation.study_answer import value_text
 from omnidrive.evaluation.table import NO_VALUE, Table, number_text
 from omnidrive.evaluation.uncertainty import CONFIDENCE, holm
+from omnidrive.evaluation.verdict import value_text
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "not shown"
 """Verdicts of a claim."""
@@ -102,6 +102,11 @@ def check_claims(study: StudyEvidence) -> list[ClaimResult]:
     results = [_result(claim.text, list(_findings(claim, study))) for claim in CLAIMS]
     results.insert(2, _result(_TIME_CLAIM, _time_findings(study.runs)))
     return [each for each in results if each.findings]
+
+
+def claims_tables(study: StudyEvidence) -> list[Table]:
+    """Return the tables of the claims, and of the published values."""
+    return [claims_table(check_claims(study)), published_table(study)]
 
 
 def claims_table(results: list[ClaimResult]) -> Table:

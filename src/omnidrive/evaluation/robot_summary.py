@@ -46,10 +46,10 @@ class Capability:
         if np.abs(used).max() >= 1.0:
             return np.zeros_like(angles)
         with np.errstate(divide="ignore"):
-            least: Float[Array, " angles"] = ((1.0 - np.sign(slopes) * used) / np.abs(slopes)).min(
-                axis=0
-            )
-        return least
+            minimum: Float[Array, " angles"] = (
+                (1.0 - np.sign(slopes) * used) / np.abs(slopes)
+            ).min(axis=0)
+        return minimum
 
     @property
     def yaw(self) -> float:
@@ -208,11 +208,11 @@ def _load_warnings(robot: Robot, margin: float, tipping: float, acceleration: fl
     """Return warnings about the distribution of the weight."""
     warnings = []
     loads = robot.loads
-    least = int(loads.argmin())
-    share = float(loads[least] / loads.mean())
+    minimum = int(loads.argmin())
+    share = float(loads[minimum] / loads.mean())
     if share < _MIN_LOAD_SHARE:
         warnings.append(
-            f"unloaded: wheel {least} carries {loads[least]:.3g} N, {100 * share:.0f} % of the "
+            f"unloaded: wheel {minimum} carries {loads[minimum]:.3g} N, {100 * share:.0f} % of the "
             "mean load, and slips first"
         )
     if margin < _MIN_MARGIN * robot.mean_wheel_distance:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, suggestion
 from omnidrive.evaluation.quantities import quantity
+from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.evaluation.step_response import STEP_AXES
 
 FACTOR_PREFIX = "factor:"
@@ -253,6 +255,24 @@ class RunTable:
         np.minimum.at(low, index, codes)
         np.maximum.at(high, index, codes)
         return bool((low == high).all())
+
+
+def tables_of(records: Sequence[RunRecord]) -> tuple[pa.Table, pa.Table]:
+    """Return runs, and their computing times by ``number``, as the tables of :class:`RunTable`."""
+    rows = [
+        {name: getattr(each, name) for name in IDENTITY}
+        | {f"{FACTOR_PREFIX}{path}": value for path, value in each.factors.items()}
+        | each.metrics
+        for each in records
+    ]
+    times = [{"number": each.number, **each.timing} for each in records]
+    return _table_of(rows), _table_of(times)
+
+
+def _table_of(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Return a table of rows with different names; null where a row has no value."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    return pa.table({name: [row.get(name) for row in rows] for name in names})
 
 
 def _coded(column: Any) -> tuple[tuple[str, ...], Int[Array, " runs"]]:

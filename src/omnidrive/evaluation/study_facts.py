@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 from omnidrive.evaluation.palette import ControllerStyle, styles_of
-from omnidrive.evaluation.results import ControllerType
+from omnidrive.evaluation.study_logs import ControllerType
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,9 @@ class StudyFacts:
         versions: Versions of the distributions that computed the results, as far as they are known.
         until: Stop rule of a study that ends when its intervals are narrow enough; empty: none.
         damaged: Sentence without its end on stored runs that are damaged; empty: none is.
-        published: Whether the claims of the paper are checked.
+        published: What of the paper is shown: its ``values`` beside those of one run per
+            controller, or whether its ``claims`` hold; empty: nothing.
+        failures: Name and reason of each run that ended early; empty: there are many, or none.
     """
 
     name: str
@@ -44,7 +47,8 @@ class StudyFacts:
     versions: Mapping[str, str] = field(default_factory=dict)
     until: str = ""
     damaged: str = ""
-    published: bool = False
+    published: Literal["", "values", "claims"] = ""
+    failures: tuple[tuple[str, str], ...] = ()
 
     def styles(self, controllers: tuple[str, ...]) -> dict[str, ControllerStyle]:
         """Return the style of every controller, by its label."""

@@ -70,6 +70,16 @@ class Table:
             best=frozenset((row, place[column]) for row, column in self.best if column in place),
         )
 
+    def without_empty_columns(self) -> Table:
+        """Return the table without the columns whose cells are all empty or dashes."""
+        return self.select(
+            [
+                i
+                for i in range(len(self.columns))
+                if any(row[i] not in {"", NO_VALUE} for row in self.rows)
+            ]
+        )
+
     def mark_best(
         self, lower: Iterable[str] = (), higher: Iterable[str] = (), *, group: int | None = None
     ) -> Table:
@@ -152,3 +162,10 @@ def number_text(value: float, digits: int = 3) -> str:
     scientific = f"{value:.{digits - 1}e}"
     exponent = int(scientific.partition("e")[2])
     return f"{value:.{max(digits - 1 - exponent, 0)}f}" if -5 < exponent < 7 else scientific
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent; 100 % and 0 % only if it is exact."""
+    value = 100.0 * share
+    digits = 0 if value in {0.0, 100.0} or 1.0 <= value <= 99.0 else 2
+    return f"{value:.{digits}f} %" if isfinite(value) else "–"

@@ -1,372 +1,502 @@
-"""The best controller of each task, its advantage over the next one, and its cost."""
+"""Verdict of a study: the best controller of each task, how sure that is, and what it costs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from math import exp, inf, isfinite, nan
+from collections.abc import Mapping, Sequence
+from math import inf, isfinite, nan
 from typing import NamedTuple
 
 import numpy as np
 
-from omnidrive.control.controller import FALLS_BEHIND
-from omnidrive.evaluation.mean_test import needed_differences
-from omnidrive.evaluation.paired import (
-    PairedDifference,
-    RepeatedRuns,
-    group_runs,
-    paired_differences,
+from omnidrive.evaluation.evidence import (
+    WORSE,
+    PairEvidence,
+    StudyEvidence,
+    Summary,
+    TaskEvidence,
 )
-from omnidrive.evaluation.results import FaultResult, StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.quantities import quantity
+from omnidrive.evaluation.run_record import TIMING
+from omnidrive.evaluation.run_table import RunTable, Task
+from omnidrive.evaluation.study_logs import StudyLogs
 from omnidrive.evaluation.table import (
     MIN_RESULT,
-    NO_VALUE,
     cell_text,
     is_negligible,
+    level_text,
     number_text,
+    percent,
 )
-from omnidrive.evaluation.uncertainty import CONFIDENCE, estimate_mean, p_text
-from omnidrive.simulation import Outcome, Run
 
-_CHECK_SEEDS = 20  # seeds that a headline recommends
+_MEASURES = {"step": "settling_time", "faults": "worst_error"}
+"""Compared quantity of a task, if it is not the mean error."""
+_COSTS = {"work": "work", "step_time": "step_time_median"}
+"""Metric of each field of a cost."""
+_MAX_LISTED = 4  # values of an axis in a sentence
+_CHECK_SEEDS = 20  # that a sentence on one run with noise recommends
 _SMALL = 0.01  # relative difference of two runs that counts as none
 
 
-class Contender(NamedTuple):
-    """One compared controller, or one prediction horizon, in a task."""
+class Cost(NamedTuple):
+    """What the control of one contender costs in a task."""
 
-    name: str
-    """Label of the controller, or the horizon as ``N = 15``."""
-    value: float
-    """Compared value, in m or s; smaller is better. A mean if there are several runs."""
-    work: float
-    """Mechanical work of the motors, J; NaN if the plant does not simulate forces."""
-    step_time: float
-    """Median computing time of a controller step, us."""
-    recovered: int | None = None
-    """Number of faults from which the robot recovered; None in other tasks."""
+    work: float = nan
+    """Mean mechanical work of the motors, J; NaN: unknown."""
+    step_time: float = nan
+    """Mean of the median computing times of a controller step, us; NaN: unknown."""
 
-    @property
-    def cost_text(self) -> str:
-        """Work and computing time with units; empty if neither is known."""
+    def __str__(self) -> str:
+        """Return both with units; empty if neither is known."""
         parts = ((self.work, "J"), (self.step_time, "µs per step"))
         return ", ".join(f"{number_text(value)} {unit}" for value, unit in parts if isfinite(value))
 
 
-class Advantage(NamedTuple):
-    """Advantage of the best contender over the next one."""
+class TaskVerdict(NamedTuple):
+    """Verdict of one task.
 
-    factor: float
-    """Value of the next one over that of the best one; NaN if it is not comparable. Over several
-    seeds: the geometric mean."""
-    low: float
-    """Lower bound of the 95 % confidence interval of the factor; NaN for one run."""
-    high: float
-    """Upper bound of that interval."""
-    p: float
-    """p-value of equal means, Holm-adjusted over all pairs of controllers; NaN for one run."""
-    seeds: int
-    """Number of seeds for which both runs finished."""
-    needed: int = 0
-    """Least number of seeds with which Holm's correction leaves a difference; 0 for one run."""
+    The contenders are the controllers; in the task ``horizon`` the horizons of its controller.
+    """
 
-    @property
-    def is_tied(self) -> bool:
-        """Whether no difference is shown: p >= 0.05 over several seeds, below 1 % for one run."""
-        if self.seeds > 1:
-            return not self.p < 1.0 - CONFIDENCE
-        return self.factor < 1.0 + _SMALL
-
-
-class Verdict(NamedTuple):
-    """Ranking of the controllers in one task."""
-
-    task: str
-    """Task of the study: track, noise, step, horizon or faults."""
-    name: str
-    """Name with the duration, such as ``track 20 s``."""
-    measure: str
-    """Compared value: ``me``, ``path_me``, ``settling_time`` or ``max_error``."""
-    ranking: tuple[Contender, ...]
-    """Contenders, the best first."""
-    unranked: tuple[str, ...]
-    """Contenders without a valid value, because a run stopped early or did not settle."""
-    advantage: Advantage | None
-    """None if only one contender is ranked."""
-    tests: int = 0
-    """Number of faults; 0 in other tasks."""
+    evidence: TaskEvidence
+    """Evidence of the compared quantity, by contender."""
+    success: TaskEvidence | None = None
+    """Evidence of the success rate; None if all runs are finished."""
+    costs: Mapping[str, Cost] = {}
+    """Cost by contender."""
+    recovered: Mapping[str, int] = {}
+    """Number of runs in which the robot recovered from a fault, by controller of one repetition of
+    the task ``faults``; otherwise empty."""
+    faults: int = 0
+    """Number of faults of one repetition."""
+    along: tuple[str, ...] = ()
+    """Sentences on axes along which another controller than the leader is shown to be better."""
+    lost: tuple[str, ...] = ()
+    """Sentences on axes with values at which no run is finished."""
+    swept: str = ""
+    """Controller whose horizons are the contenders; empty: the contenders are controllers."""
 
     @property
-    def best(self) -> Contender:
-        """The best contender."""
-        return self.ranking[0]
+    def name(self) -> str:
+        """Name of the task with its duration, such as ``track 20 s``."""
+        return f"N of {self.swept}" if self.swept else self.evidence.task.label
 
     @property
-    def following(self) -> Contender | None:
-        """The second best contender; None if only one is ranked."""
-        return self.ranking[1] if len(self.ranking) > 1 else None
+    def is_tested(self) -> bool:
+        """Whether there are several repetitions, so that differences are tested."""
+        return max((s.mean.sample_size for s in self.evidence.summaries), default=0) > 1
 
-    def value_text(self, contender: Contender) -> str:
-        """Format the compared value of a contender, with its name and unit."""
-        name, unit, factor = MEASURE_NAMES[self.measure]
-        value = f"{cell_text(factor * contender.value)} {unit}"
-        if contender.recovered is None:
-            return f"{name} {value}"
-        return f"{contender.recovered} of {self.tests} faults, {name} {value}"
+    @property
+    def ranking(self) -> tuple[Summary, ...]:
+        """Contenders with a valid value, the best first.
+
+        With several repetitions the leader of the evidence is first. In one repetition of the task
+        ``faults`` the number of recoveries counts, then the worst error.
+        """
+        found = self.evidence.ranking
+        if self.is_tested:
+            leader = self.evidence.leader
+            return tuple(sorted(found, key=lambda each: each != leader))
+        if self.recovered:
+            return tuple(sorted(found, key=lambda s: (-self.recovered[s.controller], s.worst)))
+        return found
+
+    @property
+    def unranked(self) -> tuple[str, ...]:
+        """Contenders without a valid value, because a run ended early or did not settle."""
+        ranked = {each.controller for each in self.ranking}
+        return tuple(s.controller for s in self.evidence.summaries if s.controller not in ranked)
+
+    @property
+    def leader(self) -> Summary | None:
+        """The best contender; None: there is no valid value."""
+        return (*self.ranking, None)[0]
+
+    @property
+    def following(self) -> Summary | None:
+        """The second contender; None: there is none."""
+        return (*self.ranking, None, None)[1]
+
+    @property
+    def best(self) -> tuple[str, ...]:
+        """The best contender, and those that share the first place with it."""
+        if self.leader is None:
+            return ()
+        if self.is_tested:
+            return self.evidence.best
+        tied = (each.controller for each in self.ranking[1:] if self._is_equal(each))
+        return (self.leader.controller, *tied)
+
+    @property
+    def factor(self) -> float:
+        """Value of the second over that of the best contender; NaN: they are not comparable."""
+        return self._ratio(self.following) if self.following else nan
+
+    @property
+    def more(self) -> int:
+        """Number of faults by which the best contender recovered from more than the second."""
+        if not self.recovered or self.leader is None or self.following is None:
+            return 0
+        return self.recovered[self.leader.controller] - self.recovered[self.following.controller]
 
     @property
     def factor_text(self) -> str:
-        """Factor, or the number of faults by which the best contender recovered from more."""
-        if self.advantage is None or self.following is None:
-            return NO_VALUE
-        if self.best.recovered is not None and self.following.recovered is not None:
-            more = self.best.recovered - self.following.recovered
-            if more:
-                return f"{more} more"
-        return number_text(self.advantage.factor)
+        """The factor, or by how many faults more the best contender recovered."""
+        return f"{self.more} more" if self.more else number_text(self.factor)
+
+    def value_text(self, contender: Summary) -> str:
+        """Return the compared value of a contender with its name, unit and interval."""
+        label, name = self.evidence.measure.label, contender.controller
+        if not self.recovered:
+            return f"{label} {value_text(contender)}"
+        value = cell_text(contender.measure.factor * contender.worst)
+        return (
+            f"recovered from {self.recovered[name]} of {self.faults} faults, {label} {value} "
+            f"{contender.measure.shown_unit}"
+        )
 
     @property
-    def advantage_text(self) -> str:
-        """By how much the best result differs from the next one; empty if there is none."""
+    def advantage(self) -> str:
+        """By how much the best value differs from that of the second one; empty: no second."""
         if self.following is None:
             return ""
-        factor, name = self.factor_text, self.following.name
-        value = f"{name} ({self.value_text(self.following)})"
-        if factor == NO_VALUE:
+        value = f"{self.following.controller} ({self.value_text(self.following)})"
+        if self.more:
+            return f"{self.more} more than {value}"
+        if not isfinite(self.factor):
             return f"next: {value}"
-        return f"{factor} {'than' if factor.endswith('more') else 'times lower than'} {value}"
+        return f"{number_text(self.factor)} times lower than {value}"
 
     @property
-    def tie_text(self) -> str:
-        """In which sense the two best results of one run each are equal."""
-        _, unit, factor = MEASURE_NAMES[self.measure]
-        if self.following is not None and is_negligible(factor * self.following.value):
-            return f"both below {MIN_RESULT:g} {unit}"
+    def confidence(self) -> str:
+        """How sure it is that the best contender is better than the second one."""
+        if self.leader is None or self.following is None:
+            return "no other result"
+        if self.is_tested:
+            pair = self.evidence.pair(self.leader.controller, self.following.controller)
+            return _with_detail(pair) if pair else "not tested"
+        if not self.more and self._is_equal(self.following):
+            return self._equality
+        return f"one {'run' if self.leader.runs == 1 else 'repetition'}: no interval"
+
+    @property
+    def lead(self) -> str:
+        """Best contender, or those that share the first place, as one sentence."""
+        evidence, best, first = self.evidence, self.best, self.leader
+        label, task = evidence.measure.label, self.name[0].upper() + self.name[1:]
+        if first is None:
+            return f"{task}: no run has a valid {label}."
+        if self.swept:
+            return f"Best {self.name}: {first.controller}."
+        value = value_text(first)
+        if len(evidence.summaries) == 1:
+            return f"{task}: {first.controller} has {label} {value}."
+        if not self.is_tested:
+            return f"{task}: {self._untested(first)}."
+        if len(best) == 1:
+            where = " on average" if self.along else ""
+            return (
+                f"{task}: {first.controller} is best{where}, {label} {value}."
+                f"{self._along}{self._failing(best)}"
+            )
+        rest = len(evidence.ranking) > len(best)
+        return (
+            f"{task}: no difference in {label} is shown between {first.controller}, {value}, and "
+            f"{_listed(best[1:])}{'; the others are worse' if rest else ''}."
+            f"{self._along}{self._failing(best)}"
+        )
+
+    def _untested(self, first: Summary) -> str:
+        """Return the sentence of one repetition without task and full stop."""
+        if len(self.best) > 1:
+            return f"{_listed(self.best)} are {self._equality}"
+        if first.runs == 1 and self.evidence.task.name == "noise":
+            return (
+                f"{first.controller} is best in one run; check with --noise-seeds {_CHECK_SEEDS} "
+                "or more repetitions"
+            )
+        if first.runs > 1 and not self.recovered:
+            return (
+                f"{first.controller} has the best {self.evidence.measure.label}, "
+                f"{value_text(first)}, in one repetition, too few for an interval; more of them "
+                "show whether the difference is real"
+            )
+        return f"{first.controller} is best"
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Tested comparison of the leader with each other controller, in the order of the means."""
+        leader = self.evidence.leader
+        if leader is None or not self.is_tested:
+            return ()
+        others = (each.controller for each in self.evidence.ranking)
+        pairs = (self.evidence.pair(leader.controller, other) for other in others)
+        return tuple(_with_detail(pair) for pair in pairs if pair)
+
+    @property
+    def _along(self) -> str:
+        return "".join(f" {each}" for each in (*self.along, *self.lost))
+
+    def _ratio(self, other: Summary) -> float:
+        """Return another value over that of the best contender; 1 if both are negligible."""
+        best, measure = self.leader, self.evidence.measure
+        if best is None or not measure.lower_is_better or self.more:
+            return nan
+        below, above = (s.worst if self.recovered else s.mean.mean for s in (best, other))
+        if not is_negligible(measure.factor * below):
+            return above / below
+        return 1.0 if is_negligible(measure.factor * above) else inf
+
+    def _is_equal(self, other: Summary) -> bool:
+        """Return whether another value of one repetition differs by less than 1 %."""
+        leader, found = self.leader, self.recovered
+        if leader and found and found[leader.controller] != found[other.controller]:
+            return False
+        return self._ratio(other) < 1.0 + _SMALL
+
+    @property
+    def _equality(self) -> str:
+        """In which sense the first values of one repetition are equal."""
+        measure = self.evidence.measure
+        if self.following is not None and is_negligible(measure.factor * self.following.mean.mean):
+            return f"both below {MIN_RESULT:g} {measure.shown_unit}"
         return "equal within 1 %"
 
-    @property
-    def confidence_text(self) -> str:
-        """Confidence interval of the factor with p-value, or why there is none."""
-        if self.advantage is None:
-            return "no other result"
-        _, low, high, p, seeds, needed = self.advantage
-        if seeds < 2:
-            return self.tie_text if self.advantage.is_tied else "one run: no interval"
-        if self.advantage.is_tied:
-            few = f" ({seeds} seeds, at least {needed} needed)" if seeds < needed else ""
-            return f"no difference shown, p {p_text(p)}{few}"
-        return f"{number_text(low)} to {number_text(high)}, p {p_text(p)}"
+    def _failing(self, best: Sequence[str]) -> str:
+        """Return a warning of the best controllers that finish fewer runs than another."""
+        if self.success is None:
+            return ""
+        warnings = []
+        for name in best:
+            others = (s.controller for s in self.success.summaries if s.controller != name)
+            pairs = (self.success.pair(name, other) for other in others)
+            worse = next((pair for pair in pairs if pair and pair.verdict == WORSE), None)
+            if worse:
+                rates = {s.controller: s.success_rate for s in self.success.summaries}
+                warnings.append(
+                    f" But {name} finishes {percent(rates[name])} of its runs, "
+                    f"{worse.second} {percent(rates[worse.second])}."
+                )
+        return "".join(warnings)
 
 
-MEASURE_NAMES = {
-    "me": ("ME", "mm", 1e3),
-    "path_me": ("path ME", "mm", 1e3),
-    "settling_time": ("settling", "s", 1.0),
-    "max_error": ("max. error", "mm", 1e3),
-}
-"""Name of each compared value, its unit of display, and the factor to that unit."""
+def headline(verdicts: Sequence[TaskVerdict], notes: Sequence[str] = ()) -> str:
+    """Return the verdicts as sentences; tasks with the same best controller share one.
 
-
-def verdicts(results: StudyResults) -> list[Verdict]:
-    """Rank the contenders of every task and duration with at least two of them.
-
-    Compared are: in the tasks ``track``, ``noise`` and ``horizon`` the ME of the true pose, with
-    several seeds its mean; in ``track`` the mean distance to the path, if a controller follows a
-    reference that is too fast late on purpose; in ``step`` the settling time of the slowest axis;
-    in ``faults`` the number of faults from which the robot recovers, then the largest error.
-    Contenders with a run that stopped early are not ranked, except in ``faults`` and, with several
-    seeds, in ``noise``.
+    Args:
+        verdicts: The verdicts.
+        notes: Sentences that follow.
     """
-    found = [
-        *_tracking(results, "track"), *_tracking(results, "noise"), _steps(results.steps),
-        *_horizons(results), _faults(results),
-    ]  # fmt: skip
-    return [each for each in found if each.ranking and len(each.ranking) + len(each.unranked) > 1]
-
-
-def headline(found: Iterable[Verdict]) -> list[str]:
-    """Return sentences that name the best controller of each task."""
     wins: dict[str, list[str]] = {}
     others = []
-    for each in found:
-        one_noise = each.task == "noise" and each.advantage is not None and each.advantage.seeds < 2
-        if each.task == "horizon":
-            others.append(f"Best {each.name}: {each.best.name}.")
-        elif each.following and each.advantage and each.advantage.is_tied:
-            others.append(_tie(each, each.advantage, each.best.name, each.following.name))
-        elif one_noise:
-            others.append(
-                f"{each.name.capitalize()}: {each.best.name} is best in one run; check with "
-                f"--noise-seeds {_CHECK_SEEDS}."
-            )
+    for each in verdicts:
+        first = each.leader
+        is_win = first is not None and each.lead.endswith(f": {first.controller} is best.")
+        if first is not None and is_win:
+            wins.setdefault(first.controller, []).append(each.name)
         else:
-            wins.setdefault(each.best.name, []).append(each.name)
+            others.append(each.lead)
     best = [f"Best in {_listed(tasks)}: {name}." for name, tasks in wins.items()]
-    return [*best, *others]
+    return " ".join([*best, *others, *notes])
 
 
-def limit_notes(results: StudyResults) -> list[str]:
-    """Return sentences on references that exceed the limits of controllers, each with its labels.
+def study_verdicts(
+    study: StudyEvidence, metric: str | None = None, logs: StudyLogs | None = None
+) -> list[TaskVerdict]:
+    """Return the verdict of every task.
 
-    Of each controller the shortest reference counts, which is the fastest.
+    Args:
+        study: The evidence.
+        metric: Compared quantity. None: the mean error (ME), or the mean distance to the path
+            where a controller follows a reference that is too fast late on purpose; in step
+            responses the settling time, with faults the worst error.
+        logs: Logs of the study; None: they are not kept.
+
+    Raises:
+        InvalidInput: The runs have no such metric.
     """
-    fastest: dict[str, TrackResult | FaultResult] = {}
-    driven: list[TrackResult | FaultResult] = [*results.tracks, *results.faults]
-    for result in sorted(driven, key=lambda each: each.duration):
-        fastest.setdefault(result.controller, result)
-    notes: dict[str, list[str]] = {}
-    for label, result in fastest.items():
-        for event in result.run.events:
-            if event.what.endswith(FALLS_BEHIND):
-                notes.setdefault(f"In {result.duration:g} s, {event.what}", []).append(label)
-    return [f"{text} ({', '.join(labels)})." for text, labels in notes.items()]
-
-
-def _tie(verdict: Verdict, advantage: Advantage, first: str, second: str) -> str:
-    task = verdict.name.capitalize()
-    if advantage.seeds > 1:
-        text = f"{task}: no difference shown between {first} and {second}"
-        if advantage.seeds >= advantage.needed:
-            return f"{text}."
-        least = max(_CHECK_SEEDS, advantage.needed)
-        return (
-            f"{text}, and none can be with {advantage.seeds} seeds and this number of controllers: "
-            f"at least {advantage.needed} are needed; check with --noise-seeds {least}."
-        )
-    return f"{task}: {first} and {second} are {verdict.tie_text}."
-
-
-def _listed(words: list[str]) -> str:
-    return " and ".join((", ".join(words[:-1]), words[-1])) if len(words) > 1 else words[0]
-
-
-def _ranked(
-    task: str, name: str, measure: str, contenders: Iterable[Contender], tests: int = 0
-) -> Verdict:
-    """Sort the contenders; those without a finite value are not ranked."""
-    every = list(contenders)
-    ranking = sorted(
-        (c for c in every if isfinite(c.value)), key=lambda c: (-(c.recovered or 0), c.value)
-    )
-    unranked = tuple(c.name for c in every if not isfinite(c.value))
-    advantage = None
-    if len(ranking) > 1:
-        comparable = ranking[0].recovered == ranking[1].recovered
-        factor = _ratio(ranking[1].value, ranking[0].value, measure) if comparable else nan
-        advantage = Advantage(factor, nan, nan, nan, 1)
-    return Verdict(task, name, measure, tuple(ranking), unranked, advantage, tests)
-
-
-def _ratio(above: float, below: float, measure: str) -> float:
-    """Return the ratio of two values that are not negative; 1 if both are negligible."""
-    factor = MEASURE_NAMES[measure][2]
-    if not is_negligible(factor * below):
-        return above / below
-    return 1.0 if is_negligible(factor * above) else inf
-
-
-def _tracking(results: StudyResults, task: str) -> list[Verdict]:
-    differences = paired_differences(results) if task == "noise" else []
-    groups = group_runs(results, task)
+    runs, success = study.runs, {}
+    if not runs.finished.all():
+        every = study.of("finished")
+        success = {e.task: e for e in every if any(s.finished < s.runs for s in e.summaries)}
+    late = logs.late_durations if logs else frozenset()
     found = []
-    for seconds in dict.fromkeys(group.duration for group in groups):
-        compared = {g.controller: g for g in groups if g.duration == seconds}
-        late = any(r.is_late for g in compared.values() for r in g.runs.values())
-        measure = "path_me" if task == "track" and late else "me"
-        contenders = (_mean(group, measure) for group in compared.values())
-        verdict = _ranked(task, f"{task} {seconds:g} s", measure, contenders)
-        if verdict.advantage is not None and any(len(g.runs) > 1 for g in compared.values()):
-            first, second = (compared[c.name] for c in verdict.ranking[:2])
-            verdict = verdict._replace(advantage=_paired(first, second, differences))
-        found.append(verdict)
+    for task in runs.tasks:
+        is_late = task.name == "track" and task.duration in late
+        name = metric or ("path_me" if is_late else main_metric(runs, task))
+        swept = _swept(study, task, name)
+        if swept is not None:
+            found.append(swept)
+            continue
+        for evidence in study.of(name):
+            if evidence.task == task:
+                found.append(
+                    TaskVerdict(
+                        evidence,
+                        success.get(task),
+                        _costs(study, task),
+                        _recovered(runs, task),
+                        _faults(runs, task),
+                        _differing(study, evidence),
+                        _lost(study, task, success),
+                    )
+                )
     return found
 
 
-def _mean(group: RepeatedRuns, measure: str) -> Contender:
-    """Return the means of a metric and the costs over the finished runs of one controller."""
-    metrics = [result.metrics for result in group.finished.values()]
-    if not metrics:
-        return Contender(group.controller, nan, nan, nan)
-    value, work, step_time = (
-        float(np.mean([getattr(m, name) for m in metrics]))
-        for name in (measure, "work", "step_time_median")
-    )
-    return Contender(group.controller, value, work, step_time)
+def has_evidence(study: StudyEvidence, verdicts: Sequence[TaskVerdict]) -> bool:
+    """Return whether a study has distributions: several repetitions, or values of axes."""
+    return any(each.is_tested for each in verdicts) or bool(table_axes(study, verdicts))
 
 
-def _paired(
-    best: RepeatedRuns, following: RepeatedRuns, differences: Iterable[PairedDifference]
-) -> Advantage:
-    """Compare two controllers over the seeds for which both runs finished.
+def table_axes(study: StudyEvidence, verdicts: Sequence[TaskVerdict]) -> list[str]:
+    """Return the axes with a table of their own; horizons, and single faults, have another one."""
+    shown = {"horizon", *(() if any(each.is_tested for each in verdicts) else ("fault",))}
+    return [path for path in study.runs.shown_axes if path not in shown]
 
-    The interval is that of the mean logarithm of the ratio, by Student's t. Without an error of the
-    best one in some seed, there is no ratio.
+
+def _costs(study: StudyEvidence, task: Task) -> dict[str, Cost]:
+    """Return the cost of every controller in a task."""
+    means = {
+        field: {s.controller: s.mean.mean for e in study.of(name) if e.task == task
+                for s in e.summaries}
+        for field, name in _COSTS.items()
+        if name in study.runs.metrics
+    }  # fmt: skip
+    return _costs_of(means)
+
+
+def _costs_of(means: Mapping[str, Mapping[str, float]]) -> dict[str, Cost]:
+    """Return costs by contender from the means of each field by contender."""
+    names = dict.fromkeys(name for each in means.values() for name in each)
+    return {
+        name: Cost(**{field: each.get(name, nan) for field, each in means.items()})
+        for name in names
+    }
+
+
+def _swept(study: StudyEvidence, task: Task, metric: str) -> TaskVerdict | None:
+    """Return the verdict of the task ``horizon``, whose contenders are the horizons.
+
+    None: another task, one horizon only, or several controllers.
     """
-    ours, theirs = best.finished, following.finished
-    seeds = sorted(ours.keys() & theirs.keys())
-    ratios = [_ratio(theirs[k].metrics.me, ours[k].metrics.me, "me") for k in seeds]
-    are_equal = all(ratio == 1.0 for ratio in ratios)
-    if not np.isfinite(ratios).all():
-        ratios = []
-    log = estimate_mean(np.log(np.array(ratios, dtype=float)))
-    pair = {best.controller, following.controller}
-    tested = [d for d in differences if d.measure == "me" and d.duration == best.duration]
-    p = next((1.0 if are_equal else d.p for d in tested if {d.first, d.second} == pair), nan)
-    needed = needed_differences(max(len(tested), 1))
-    return Advantage(exp(log.mean), exp(log.low), exp(log.high), p, len(seeds), needed)
+    if task.name != "horizon" or "horizon" not in study.runs.factors:
+        return None
+    found = _by_horizon(study, task, metric)
+    controllers = {s.controller for s in found.values()}
+    if len(controllers) != 1:
+        return None
+    costs = {
+        field: {level: s.mean.mean for level, s in _by_horizon(study, task, name).items()}
+        for field, name in _COSTS.items()
+        if name in study.runs.metrics
+    }
+    summaries = tuple(s._replace(controller=level) for level, s in found.items())
+    evidence = TaskEvidence(task, quantity(metric), summaries, ())
+    return TaskVerdict(evidence, costs=_costs_of(costs), swept=controllers.pop())
 
 
-def _steps(steps: tuple[StepResult, ...]) -> Verdict:
-    contenders = [
-        Contender(s.controller, _slowest(s), float(s.run.work[-1]), _step_time([s.run]))
-        for s in steps
-    ]
-    return _ranked("step", "step response", "settling_time", contenders)
+def _by_horizon(study: StudyEvidence, task: Task, metric: str) -> dict[str, Summary]:
+    """Return the summary of the last controller at each horizon, such as ``N = 15``."""
+    levels = study.along(metric, "horizon").get(task, [])
+    return {str(each.level): s for each in levels for s in each.evidence.summaries}
 
 
-def _slowest(step: StepResult) -> float:
-    """Return the settling time of the slowest axis with a step; NaN if one does not settle."""
-    if step.run.outcome is not Outcome.FINISHED:
-        return nan
-    times = [each.settling_time for each in step.responses if isfinite(each.overshoot)]
-    return float(np.max(times)) if times else nan
+def _recovered(runs: RunTable, task: Task) -> dict[str, int]:
+    """Return the number of recoveries of every controller in one repetition of a task."""
+    if task.name != "faults" or "recovered" not in runs.metrics or runs.repetitions > 1:
+        return {}
+    values, of_task = runs.values("recovered"), runs.task == runs.tasks.index(task)
+    return {
+        name: int(np.nansum(values[of_task & (runs.controller == k)]))
+        for k, name in enumerate(runs.controllers)
+    }
 
 
-def _step_time(runs: list[Run]) -> float:
-    """Return the median computing time of the controller steps of some runs, us."""
-    times = np.concatenate([run.step_time for run in runs]) if runs else np.array([])
-    times = times[np.isfinite(times)]
-    return float(np.median(times)) if len(times) else nan
+def _faults(runs: RunTable, task: Task) -> int:
+    """Return the number of different faults in a task."""
+    _, codes = runs.levels("fault") if "fault" in runs.factors else ([], np.zeros(len(runs)))
+    known = np.isfinite(runs.values("recovered")) if "recovered" in runs.metrics else codes < 0
+    return len(np.unique(codes[known & (runs.task == runs.tasks.index(task))]))
 
 
-def _horizons(results: StudyResults) -> list[Verdict]:
-    runs = results.select("horizon")
+def _lost(
+    study: StudyEvidence, task: Task, success: Mapping[Task, TaskEvidence]
+) -> tuple[str, ...]:
+    """Return a sentence for each axis with values at which no run is finished."""
     found = []
-    for controller, seconds in dict.fromkeys((r.controller, r.duration) for r in runs):
-        swept = [r for r in runs if (r.controller, r.duration) == (controller, seconds)]
-        contenders = [
-            Contender(f"N = {r.horizon}", r.metrics.me, r.metrics.work, r.metrics.step_time_median)
-            if r.run.outcome is Outcome.FINISHED
-            else Contender(f"N = {r.horizon}", nan, nan, nan)
-            for r in swept
+    for path in study.runs.shown_axes if task in success else ():
+        levels = study.along("finished", path).get(task, [])
+        lost = [
+            level_text(each.level)
+            for each in levels
+            if not any(s.success_rate for s in each.evidence.summaries)
         ]
-        found.append(_ranked("horizon", f"N of {controller}", "me", contenders))
-    return found
+        if 0 < len(lost) < len(levels):
+            found.append(f"Along {path} no run is finished at {_shortened(lost)}.")
+    return tuple(found)
 
 
-def _faults(results: StudyResults) -> Verdict:
-    every = results.recoveries
-    contenders = []
-    for name in dict.fromkeys(result.controller for result, _ in every):
-        mine = [(result, r) for result, r in every if result.controller == name]
-        runs: list[FaultResult] = [result for result, _ in mine]
-        contenders.append(
-            Contender(
-                name,
-                float(np.max([r.max_error for _, r in mine])),
-                float(np.mean([result.run.work[-1] for result in runs])),
-                _step_time([result.run for result in runs]),
-                sum(r.recovered for _, r in mine),
-            )
-        )
-    tests = len({result.number for result, _ in every})
-    return _ranked("faults", "faults", "max_error", contenders, tests)
+def _differing(study: StudyEvidence, evidence: TaskEvidence) -> tuple[str, ...]:
+    """Return a sentence for each axis at whose values different controllers are best.
+
+    Another controller counts as best at a value only if it is shown there to be better than the
+    one that is best on average.
+    """
+    leader = evidence.leader
+    if leader is None:
+        return ()
+    found = []
+    for path in study.runs.shown_axes:
+        best: dict[str, list[str]] = {}
+        for each in study.along(evidence.measure.name, path).get(evidence.task, []):
+            first = each.evidence.leader
+            compared = (other.controller for other in each.evidence.summaries)
+            if first is not None and leader.controller in compared:
+                tied = leader.controller in each.evidence.best
+                name = leader.controller if tied else first.controller
+                best.setdefault(name, []).append(level_text(each.level))
+        if best.keys() - {leader.controller}:
+            parts = (f"{name} at {_shortened(levels)}" for name, levels in best.items())
+            found.append(f"Along {path} the best one differs: {'; '.join(parts)}.")
+    return tuple(found)
+
+
+def _shortened(levels: Sequence[str]) -> str:
+    """Return the values of an axis in words; of many the first and the last one."""
+    if len(levels) > _MAX_LISTED:
+        return f"{len(levels)} values from {levels[0]} to {levels[-1]}"
+    return _listed(levels)
+
+
+def main_metric(runs: RunTable, task: Task) -> str:
+    """Return the quantity by which the controllers are compared in a task."""
+    usual = _MEASURES.get(task.name, "me")
+    rows = runs.task == runs.tasks.index(task)
+    others = [n for n in runs.metrics if quantity(n).needs_finish and n not in TIMING]
+    candidates = (usual, "me", *others, "finished")
+    return next(
+        name
+        for name in candidates
+        if name == "finished"
+        or (name in runs.metrics and bool(np.isfinite(runs.values(name)[rows]).any()))
+    )
+
+
+def value_text(summary: Summary) -> str:
+    """Return the mean with unit and interval, such as ``50.0 mm [49.2, 50.8]``."""
+    measure, mean = summary.measure, summary.mean
+    unit = f" {measure.shown_unit}" if measure.shown_unit else ""
+    if not isfinite(mean.margin):
+        return f"{cell_text(measure.factor * mean.mean)}{unit}"
+    text, _, low, high = (part.removeprefix("+") for part in mean.text(measure.factor))
+    return f"{text}{unit} [{low}, {high}]" if low != high else f"{text}{unit}"
+
+
+def _with_detail(pair: PairEvidence) -> str:
+    detail = f" ({pair.detail})" if pair.detail else ""
+    left = f"; {pair.left_out} pairs without two valid runs are left out" if pair.left_out else ""
+    return f"{pair.sentence}{detail}{left}"
+
+
+def _listed(words: Sequence[str]) -> str:
+    return " and ".join((", ".join(words[:-1]), words[-1])) if len(words) > 1 else words[0]

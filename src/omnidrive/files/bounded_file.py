@@ -83,19 +83,19 @@ def read_head(path: Path, count: int, kind: str, error_type: type[Exception]) ->
 
 
 def read_bounded(
-    path: Path, most: int, kind: str, error_type: type[Exception], *, excess: str
+    path: Path, maximum: int, kind: str, error_type: type[Exception], *, excess: str
 ) -> bytes:
-    """Return the content of a file of at most ``most`` bytes.
+    """Return the content of a file of at most ``maximum`` bytes.
 
     Args:
         path: The file.
-        most: Size limit in bytes; at most one byte more is read.
+        maximum: Size limit in bytes; at most one byte more is read.
         kind: Kind of the file for messages, see :func:`open_file`.
         error_type: Type of the errors, see :func:`open_file`; also raised for a larger file.
         excess: Message for a larger file after its name, such as "is too large for a map".
     """
-    content = read_head(path, most + 1, kind, error_type)
-    if len(content) > most:
+    content = read_head(path, maximum + 1, kind, error_type)
+    if len(content) > maximum:
         raise error_type(f"{one_line(str(path))} {excess}")
     return content
 

@@ -157,13 +157,13 @@ def _fire_conjunctions(
         row = unsafe_slice(conjunctions, begin, begin + rules)
         for r in range(rules):
             k = np.uint64(row[r])  # unsigned: no check for a negative index
-            least, most = lower[k], upper[k]
+            minimum, maximum = lower[k], upper[k]
             if conjunction == _MIN:
-                low[r] = least if least < low[r] else low[r]
-                high[r] = most if most < high[r] else high[r]
+                low[r] = minimum if minimum < low[r] else low[r]
+                high[r] = maximum if maximum < high[r] else high[r]
             else:
-                low[r] = t_norm(conjunction, low[r], least)
-                high[r] = t_norm(conjunction, high[r], most)
+                low[r] = t_norm(conjunction, low[r], minimum)
+                high[r] = t_norm(conjunction, high[r], maximum)
     for r in range(rules):
         weight = weights[r]
         low[r] = low[r] * weight if low[r] * weight > MIN_STRENGTH else 0.0
@@ -195,18 +195,21 @@ def _fire_nodes(
         high: float = low
         for t in range(begin, end):
             index, hedge = operands[2 * t], operands[2 * t + 1]
-            least: float = degrees[0, index]
-            most: float = degrees[1, index]
+            minimum: float = degrees[0, index]
+            maximum: float = degrees[1, index]
             if hedge == _NOT:
-                least, most = 1.0 - most, 1.0 - least
+                minimum, maximum = 1.0 - maximum, 1.0 - minimum
             elif hedge != _NO_HEDGE:
-                least, most = apply_hedge(hedge, least), apply_hedge(hedge, most)
+                minimum, maximum = apply_hedge(hedge, minimum), apply_hedge(hedge, maximum)
             if kind == _AND:
-                low, high = t_norm(conjunction, low, least), t_norm(conjunction, high, most)
+                low, high = t_norm(conjunction, low, minimum), t_norm(conjunction, high, maximum)
                 if high <= 0.0:
                     break
             else:
-                low, high = t_conorm(disjunction, low, least), t_conorm(disjunction, high, most)
+                low, high = (
+                    t_conorm(disjunction, low, minimum),
+                    t_conorm(disjunction, high, maximum),
+                )
         degrees[0, sets + k], degrees[1, sets + k] = low, high
         if k >= first_rule:
             weight = weights[k - first_rule]

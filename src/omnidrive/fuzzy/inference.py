@@ -142,8 +142,8 @@ class Inference:
         Raises:
             InvalidInput: As for a call.
         """
-        _, least, greatest = self._all(inputs)
-        return least, greatest
+        _, minimum, greatest = self._all(inputs)
+        return minimum, greatest
 
     def batch(
         self, rows: Float[Array, "rows inputs"], *, threads: int = 1

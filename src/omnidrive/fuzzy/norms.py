@@ -40,8 +40,8 @@ IMPLICATIONS: dict[str, int] = {"min": 0, "prod": 1}
 @compiled
 def _probabilistic_sum(a: float, b: float) -> float:
     """Return a + b - a b; exactly 1 if a degree is 1, and the other degree if one is 0."""
-    most = max(a, b)
-    return most + min(a, b) * (1.0 - most)
+    maximum = max(a, b)
+    return maximum + min(a, b) * (1.0 - maximum)
 
 
 @compiled

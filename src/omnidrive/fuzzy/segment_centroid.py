@@ -298,17 +298,17 @@ def centroid_interval(
         return middle, middle
     if low_area <= 0.0:
         return float(upper[0, 0]), float(upper[1, -1])  # of narrow functions at both ends
-    least = greatest = middle
+    minimum = greatest = middle
     for step in range(200):
-        (u, um), (w, wm) = _moments_left_of(upper, least), _moments_right_of(lower, least)
+        (u, um), (w, wm) = _moments_left_of(upper, minimum), _moments_right_of(lower, minimum)
         next_mean = (um + wm) / (u + w)
-        if step > 0 and next_mean >= least:
+        if step > 0 and next_mean >= minimum:
             break
-        least = next_mean
+        minimum = next_mean
     for step in range(200):
         (u, um), (w, wm) = _moments_right_of(upper, greatest), _moments_left_of(lower, greatest)
         next_mean = (um + wm) / (u + w)
         if step > 0 and next_mean <= greatest:
             break
         greatest = next_mean
-    return _clamp_to_support(upper, least), _clamp_to_support(upper, greatest)
+    return _clamp_to_support(upper, minimum), _clamp_to_support(upper, greatest)

@@ -244,12 +244,12 @@ def _covered(curves: Curves, at: Float[Array, " points"]) -> Bool[Array, " point
 
 
 def _check_variable(
-    name: str, low: float, high: float, sets: Sequence[FuzzySet | LinearFunction], least: int
+    name: str, low: float, high: float, sets: Sequence[FuzzySet | LinearFunction], minimum: int
 ) -> None:
     check_name("variable", name)
     check_numbers(f"the range of {name!r}", low, high)
     if not low < high:
         raise InvalidInput(f"the range of {name!r} must have a width, got [{low:g}, {high:g}]")
-    if not least <= len(sets) <= MAX_SETS:
-        raise InvalidInput(f"{name!r} needs {least} to {MAX_SETS} sets, got {len(sets)}")
+    if not minimum <= len(sets) <= MAX_SETS:
+        raise InvalidInput(f"{name!r} needs {minimum} to {MAX_SETS} sets, got {len(sets)}")
     check_unique(f"sets of {name!r}", [each.name for each in sets])

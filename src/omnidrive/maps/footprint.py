@@ -97,10 +97,10 @@ def _crosses(
 
 
 @compiled
-def _mark(out: Bool[Array, " cols"], ahead: Int[Array, " cols"], most: int) -> None:
-    """Set ``out`` to True where the next occupied cell is at most ``most`` columns ahead."""
+def _mark(out: Bool[Array, " cols"], ahead: Int[Array, " cols"], maximum: int) -> None:
+    """Set ``out`` to True where the next occupied cell is at most ``maximum`` columns ahead."""
     for col in range(len(out)):
-        out[col] |= ahead[col] <= most
+        out[col] |= ahead[col] <= maximum
 
 
 @compiled

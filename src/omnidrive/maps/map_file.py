@@ -18,14 +18,14 @@ FINEST, COARSEST = 1e-3, 10.0
 """Least and greatest side of a cell, in m; other values indicate a wrong unit."""
 
 
-def read_content(path: Path, most: int) -> bytes:
-    """Read a map file of at most ``most`` bytes.
+def read_content(path: Path, maximum: int) -> bytes:
+    """Read a map file of at most ``maximum`` bytes.
 
     Raises:
         InvalidMap: The path is not a file, or the file cannot be read or is larger.
     """
-    excess = f"is larger than {most:,} bytes, the maximum"
-    return read_bounded(path, most, "map", InvalidMap, excess=excess)
+    excess = f"is larger than {maximum:,} bytes, the maximum"
+    return read_bounded(path, maximum, "map", InvalidMap, excess=excess)
 
 
 def check_size(rows: int, cols: int, name: str) -> None:

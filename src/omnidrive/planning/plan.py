@@ -271,7 +271,7 @@ def _check_waypoint(
 def _way_out(
     grid: OccupancyGrid,
     inflation: float,
-    least: float,
+    minimum: float,
     is_wide_enough: Callable[[OccupancyGrid], bool],
 ) -> str:
     """Return what makes a map wide enough for the robot.
@@ -279,9 +279,9 @@ def _way_out(
     Args:
         grid: The map.
         inflation: Inflation with which it is too narrow, m.
-        least: Inflation without a margin, m.
+        minimum: Inflation without a margin, m.
         is_wide_enough: Whether an inflated map is wide enough.
     """
-    if least < inflation and is_wide_enough(grid.inflated(least)):
+    if minimum < inflation and is_wide_enough(grid.inflated(minimum)):
         return _LOWER_MARGIN
     return _SMALLER_ROBOT if is_wide_enough(grid) else _BLOCKED

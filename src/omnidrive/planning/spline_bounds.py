@@ -114,9 +114,9 @@ def curvature_bounds(pieces: Pieces, tolerance: float) -> tuple[float, float]:
         if speeds.min() <= STANDSTILL * fastest:
             return np.inf, np.inf
         attained = max(attained, float((crosses[::2] / speeds**3).max()))
-        least = _distance_to_triangle(hodograph)
+        minimum = _distance_to_triangle(hodograph)
         with np.errstate(divide="ignore", invalid="ignore"):
-            bounds = np.where(least > 0.0, crosses.max(axis=0) / least**3, np.inf)
+            bounds = np.where(minimum > 0.0, crosses.max(axis=0) / minimum**3, np.inf)
         wide = bounds > max(attained * (1.0 + tolerance), attained + negligible)
         settled = max(settled, float(bounds[~wide].max(initial=0.0)))
         if not wide.any() or 2 * np.count_nonzero(wide) > _MAX_CURVATURE_SUBPIECES:

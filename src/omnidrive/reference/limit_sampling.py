@@ -61,7 +61,7 @@ def sample_within_limits(
     allowed = {g.name: (1.0 + EXCESS) * max((usage or {}).get(g.name, 1.0), 1.0) for g in limits}
     while True:
         shares = samples.interval_usage(limits)
-        over = np.max([shares[name] / most for name, most in allowed.items()], axis=0) > 1.0
+        over = np.max([shares[name] / maximum for name, maximum in allowed.items()], axis=0) > 1.0
         times = _refined(samples.times, np.flatnonzero(over), nodes, min_step)
         if len(times) > MAX_SAMPLES:
             raise InvalidReference(

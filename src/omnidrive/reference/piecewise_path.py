@@ -158,8 +158,8 @@ class PiecewisePath:
         d = np.stack([c1, c1 + c2, c1 + 2.0 * c2 + 3.0 * c3])
         axis = d[0] + d[2]
         along = (d * axis).sum(axis=2)
-        least = 1e-3 * np.linalg.norm(axis, axis=1) * np.linalg.norm(d, axis=2).max(axis=0)
-        sharp: Bool[Array, " pieces"] = ~((along > least).all(axis=0)) | (np.abs(turns) > _TURN)
+        minimum = 1e-3 * np.linalg.norm(axis, axis=1) * np.linalg.norm(d, axis=2).max(axis=0)
+        sharp: Bool[Array, " pieces"] = ~((along > minimum).all(axis=0)) | (np.abs(turns) > _TURN)
         return sharp
 
     def _no_direction_message(self) -> str:

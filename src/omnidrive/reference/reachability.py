@@ -75,11 +75,11 @@ def controllable_speeds(
         top: Upper bound of x everywhere.
         end: Largest x at the end.
     """
-    most = np.empty(len(a) + 1)
-    most[-1] = end
+    maximum = np.empty(len(a) + 1)
+    maximum[-1] = end
     for i in range(len(a) - 1, -1, -1):
-        most[i] = _max_controllable(top, most[i + 1], 2.0 * width, a[i], b[i])
-    return most
+        maximum[i] = _max_controllable(top, maximum[i + 1], 2.0 * width, a[i], b[i])
+    return maximum
 
 
 @compiled
@@ -102,11 +102,11 @@ def max_squared_speeds(
         ends: Largest x at the start and at the end; 0 for rest.
     """
     count, double = len(a), 2.0 * width
-    most = controllable_speeds(a, b, width, top, min(ends[1], top))
+    maximum = controllable_speeds(a, b, width, top, min(ends[1], top))
     x = np.empty(count + 1)
-    x[0] = min(ends[0], most[0])
+    x[0] = min(ends[0], maximum[0])
     for i in range(count):
-        low, high, _, _ = acceleration_range(x[i], most[i + 1], double, a[i], b[i])
+        low, high, _, _ = acceleration_range(x[i], maximum[i + 1], double, a[i], b[i])
         u = high if high >= low else 0.5 * (low + high)
-        x[i + 1] = min(max(x[i] + double * u, 0.0), most[i + 1])
+        x[i + 1] = min(max(x[i] + double * u, 0.0), maximum[i + 1])
     return x

@@ -54,5 +54,5 @@ class ReferencePath:
         The upper bound is the least distance of a sample. A point of the polyline is at most half a
         step from a sample, which gives the lower bound. Infinite without occupied cells.
         """
-        least = float(grid.clearance(self.samples[:, :2]).min())
-        return least - 0.5 * float(self._steps.max()), least
+        minimum = float(grid.clearance(self.samples[:, :2]).min())
+        return minimum - 0.5 * float(self._steps.max()), minimum

@@ -85,11 +85,11 @@ def _time_law(share: Float[Array, " n"], ramp: float) -> _TimeLaw:
         return _TimeLaw(share, np.ones_like(share), np.zeros_like(share))
     top = 1.0 / (1.0 - ramp)
     up, down = np.minimum(share / ramp, 1.0), np.minimum((1.0 - share) / ramp, 1.0)
-    least = np.minimum(up, down)
+    minimum = np.minimum(up, down)
     s = np.where(
         share <= 0.5,
         top * (share - up * ramp + ramp * (up**3 - 0.5 * up**4)),
         1.0 - top * (1.0 - share - down * ramp + ramp * (down**3 - 0.5 * down**4)),
     )
     change = 6.0 * (up * (1.0 - up) - down * (1.0 - down)) * top / ramp
-    return _TimeLaw(s, top * least**2 * (3.0 - 2.0 * least), change)
+    return _TimeLaw(s, top * minimum**2 * (3.0 - 2.0 * minimum), change)

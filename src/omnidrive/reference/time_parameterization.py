@@ -44,15 +44,15 @@ def time_optimal_reference(
     corner, are tightened. A remaining violation is removed by slowing the whole motion.
     """
     pieces = len(path.pieces)
-    most = max(4 if pieces <= _LONG else 2, _MAX_NODES // pieces)
-    per_piece = min(max(2, -(-_FIRST_NODES // pieces)), most)
-    if 2 * per_piece < most:
+    maximum = max(4 if pieces <= _LONG else 2, _MAX_NODES // pieces)
+    per_piece = min(max(2, -(-_FIRST_NODES // pieces)), maximum)
+    if 2 * per_piece < maximum:
         coarse = _on_grid(path, limits, per_piece, start_speed)
         fine = _on_grid(path, limits, 2 * per_piece, start_speed)
         gain = abs(coarse.duration / fine.duration - 1.0)
-        per_piece = min(per_piece * 2 ** max(1, ceil(log2(2.0 * gain / _GAIN + 1e-9))), most)
+        per_piece = min(per_piece * 2 ** max(1, ceil(log2(2.0 * gain / _GAIN + 1e-9))), maximum)
     else:
-        per_piece = most
+        per_piece = maximum
     factors = np.ones(per_piece * pieces)
     reference = _on_grid(path, limits, per_piece, start_speed)
     for _ in range(_TRIES):
@@ -128,6 +128,6 @@ def interval_rows(
         a.append(along + distance * across)
         b.append(across)
         size.append(np.abs(first).max(axis=1))
-    least = 1e-9 * float(np.max(size))
-    ends = (bool(size[0][0] <= least), bool(size[-1][-1] <= least))
+    minimum = 1e-9 * float(np.max(size))
+    ends = (bool(size[0][0] <= minimum), bool(size[-1][-1] <= minimum))
     return np.hstack(a), np.hstack(b), ends

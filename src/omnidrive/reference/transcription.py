@@ -152,15 +152,15 @@ class Transcription:
         """
         points = guess.path.control_points
         speeds = _speeds(timed, len(points) - 3)
-        least = _MIN * float(speeds.max())
-        inner = np.maximum(0.8 * speeds[1:-1], 2.0 * least)
+        minimum = _MIN * float(speeds.max())
+        inner = np.maximum(0.8 * speeds[1:-1], 2.0 * minimum)
         low, high = self._low, np.ones(len(self._low))
         if guess.hull is not None:
             low = np.concatenate([low, guess.hull[:, :2].ravel()])
             high = np.concatenate([high, guess.hull[:, 2:].ravel()])
         result = self._solver(
             x0=np.concatenate([points.ravel(), inner]),
-            lbx=np.concatenate([guess.low.ravel(), np.full(len(inner), least)]),
+            lbx=np.concatenate([guess.low.ravel(), np.full(len(inner), minimum)]),
             ubx=np.concatenate([guess.high.ravel(), np.full(len(inner), np.inf)]),
             lbg=low,
             ubg=high,

@@ -356,4 +356,4 @@ def _hint(label: str, key: Any, keys: Mapping[str, str]) -> str:
     """Return the end of the message about an unknown key."""
     if label.startswith("mounts") and key in _WHEEL_KEYS:
         return f"; all wheels of a robot are equal: write it once, as wheel.{key}"
-    return suggestion(str(key), list(keys), most=len(keys))
+    return suggestion(str(key), list(keys), maximum=len(keys))

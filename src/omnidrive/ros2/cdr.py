@@ -94,12 +94,12 @@ class _Source:
     def __init__(self, data: memoryview, at: int, order: Literal["<", ">"]) -> None:
         self.data, self.at, self.order = data, at, order
 
-    def count(self, least: int) -> int:
-        """Read the length of a sequence whose elements have at least ``least`` bytes each."""
+    def count(self, minimum: int) -> int:
+        """Read the length of a sequence whose elements have at least ``minimum`` bytes each."""
         at = (self.at + 3) & -4
         (length,) = _COUNTS[self.order].unpack_from(self.data, at)
         self.at = at + 4
-        if length * least > len(self.data) - self.at:
+        if length * minimum > len(self.data) - self.at:
             raise ValueError(f"a length of {length} with {len(self.data) - self.at} bytes left")
         return int(length)
 
@@ -120,7 +120,7 @@ class _Run:
     def __init__(self, fields: list[Field], distribution: Distribution) -> None:
         self.leaves = [_Leaf(field, distribution) for field in fields]
         self.codes = [code for leaf in self.leaves for code in leaf.codes]
-        self.least = sum(struct.calcsize(code) for code, _ in self.codes)
+        self.minimum = sum(struct.calcsize(code) for code, _ in self.codes)
         self._layouts: dict[tuple[str, int], struct.Struct] = {}
 
     def layout(self, order: str, at: int) -> struct.Struct:
@@ -207,7 +207,7 @@ class _Leaf:
 class _Texts:
     """A text, or a sequence of texts."""
 
-    least = 4
+    minimum = 4
 
     def __init__(self, field: Field) -> None:
         self.name, self.single, self.bound = field.name, field.kind == "single", field.bound
@@ -231,7 +231,7 @@ class _Texts:
 class _Numbers:
     """A sequence of numbers."""
 
-    least = 4
+    minimum = 4
 
     def __init__(self, field: Field) -> None:
         self.name, self.dtype = field.name, dtype_of(field.type)
@@ -263,7 +263,7 @@ class _Messages:
     def __init__(self, field: Field, distribution: Distribution) -> None:
         self.name, self.single = field.name, field.kind == "single"
         self.codec = _codec(field.type, distribution)
-        self.least: int = self.codec.least if self.single else 4
+        self.minimum: int = self.codec.minimum if self.single else 4
 
     def write(self, out: bytearray, message: Message) -> None:
         """Append the bytes of the part of a message."""
@@ -281,7 +281,7 @@ class _Messages:
         if self.single:
             values.append(read(source))
         else:
-            values.append([read(source) for _ in range(source.count(self.codec.least))])
+            values.append([read(source) for _ in range(source.count(self.codec.minimum))])
 
 
 _VariablePart = _Texts | _Numbers | _Messages
@@ -292,7 +292,7 @@ class _Codec:
     """Encoder and decoder of one type.
 
     Attributes:
-        least: Smallest number of bytes of a message.
+        minimum: Smallest number of bytes of a message.
     """
 
     def __init__(self, name: str, distribution: Distribution) -> None:
@@ -305,7 +305,7 @@ class _Codec:
                 self.parts.append(_Run(list(group), distribution))
             else:
                 self.parts += [_part(field, distribution) for field in group]
-        self.least: int = 1 if self.empty else sum(part.least for part in self.parts)
+        self.minimum: int = 1 if self.empty else sum(part.minimum for part in self.parts)
 
     def write(self, out: bytearray, message: Message) -> None:
         """Append a message."""

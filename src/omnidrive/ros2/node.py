@@ -107,10 +107,10 @@ class Subscription:
         self.gid: bytes = reader.get_guid().bytes
         self.refused = 0
 
-    def take(self, most: int = 64) -> list[Received]:
+    def take(self, maximum: int = 64) -> list[Received]:
         """Return the messages that arrived since the last call, oldest first; never wait."""
         received = []
-        for raw in self.take_raw(most):
+        for raw in self.take_raw(maximum):
             try:
                 message = decode(raw.data, self.type, self._distribution)
             except InvalidMessage as error:
@@ -122,9 +122,9 @@ class Subscription:
             received.append(Received(message, info.source_timestamp, info.publication_handle))
         return received
 
-    def take_raw(self, most: int = 64) -> list[Any]:
+    def take_raw(self, maximum: int = 64) -> list[Any]:
         """Return the messages that arrived as bytes (``data``, ``sample_info``)."""
-        samples = self._reader.take(most)
+        samples = self._reader.take(maximum)
         return [each for each in samples if each.sample_info.valid_data]
 
     def latest(self) -> Message | None:

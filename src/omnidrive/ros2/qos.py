@@ -82,13 +82,13 @@ class Qos(NamedTuple):
         for name, wanted, given, kinds in ranks:
             if kinds.index(wanted) > kinds.index(given):
                 yield _differs(name, wanted, given)
-        for name, most, time in (
+        for name, maximum, time in (
             ("deadline", self.deadline, offered.deadline),
             ("lease duration", self.lease, offered.lease),
             ("latency budget", self.latency, offered.latency),
         ):
-            if time > most:
-                yield _differs(name, _seconds(most), _seconds(time))
+            if time > maximum:
+                yield _differs(name, _seconds(maximum), _seconds(time))
         if self.exclusive != offered.exclusive:
             ownership = ("shared", "exclusive")
             wanted, given = ownership[self.exclusive], ownership[offered.exclusive]

@@ -81,8 +81,8 @@ class PlannedScenario:
 
         Those of a planned path are proved.
         """
-        least, most = self.path.clearance(self.obstacles)
-        return least - self.robot.body_radius, most - self.robot.body_radius
+        minimum, maximum = self.path.clearance(self.obstacles)
+        return minimum - self.robot.body_radius, maximum - self.robot.body_radius
 
     def clearance(self, points: Float[Array, "points 2"]) -> float:
         """Return the least distance, m, from body to obstacles over centres ``points`` (W, m)."""
@@ -91,8 +91,8 @@ class PlannedScenario:
     def clearances(self, points: Float[Array, "runs points 2"]) -> Float[Array, " runs"]:
         """Return the value of :meth:`clearance` for each of several runs."""
         distances = self.obstacles.clearance(points.reshape(-1, 2)).reshape(len(points), -1)
-        least: Float[Array, " runs"] = distances.min(axis=1) - self.robot.body_radius
-        return least
+        minimum: Float[Array, " runs"] = distances.min(axis=1) - self.robot.body_radius
+        return minimum
 
     @property
     def start(self) -> Pose:
@@ -135,7 +135,7 @@ class PlannedScenario:
         return shortest_duration(self.path, self.robot.chassis, self._max_speed)
 
     @property
-    def least(self) -> float:
+    def minimum(self) -> float:
         """Shortest duration that :meth:`reference` accepts, s.
 
         It differs from :attr:`shortest` for a motion that is not along a planned path: only its

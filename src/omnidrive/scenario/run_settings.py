@@ -6,7 +6,7 @@ from functools import partial
 from typing import NamedTuple
 
 from omnidrive.choices import TaskName
-from omnidrive.evaluation.results import fault_name, step_name, track_name
+from omnidrive.evaluation.run_record import name_of_run
 from omnidrive.scenario.scenario import NEED_FORCES, Scenario
 from omnidrive.simulation import Fault, default_faults
 
@@ -90,19 +90,26 @@ def faults_of(scenario: Scenario) -> tuple[Fault, ...]:
 
 
 def run_name(scenario: Scenario, settings: RunSettings) -> str:
-    """Return the name of the result of a run."""
-    if settings.task == "step":
-        return step_name(settings.controller)
-    if settings.task == "faults":
-        return fault_name(settings.controller, settings.fault, fault_of(scenario, settings))
-    return track_name(
-        settings.task, settings.controller, settings.duration, settings.horizon, settings.repeat
-    )
+    """Return the name of a run, see :func:`~omnidrive.evaluation.run_record.name_of_run`."""
+    task, controller, duration = settings[:3]
+    variant = task_variant(scenario, settings)
+    return name_of_run(task, controller, duration, variant, settings.repeat)
+
+
+def task_variant(scenario: Scenario, settings: RunSettings) -> str:
+    """Return the horizon or the fault of a run, in the tasks that vary them; otherwise empty."""
+    if settings.task == "horizon":
+        return f"N = {settings.horizon}"
+    if settings.task != "faults":
+        return ""
+    fault = fault_of(scenario, settings)
+    return f"{settings.fault:02d}-{fault.kind if fault else 'none'}"
 
 
 def fault_of(scenario: Scenario, settings: RunSettings) -> Fault | None:
     """Return the fault of a run of the task ``faults``; None: a run without one."""
-    return (None, *faults_of(scenario))[settings.fault]
+    faults = (None, *faults_of(scenario))
+    return faults[settings.fault] if settings.fault < len(faults) else None
 
 
 def run_seed(scenario: Scenario, settings: RunSettings) -> list[int]:

@@ -1,4 +1,4 @@
-"""Simulation and evaluation of one run of a planned scenario."""
+"""Simulation of one run of a planned scenario."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 from omnidrive import visualization  # imports only the modules in use
 from omnidrive.control import Controller
 from omnidrive.errors import ComponentFailed
-from omnidrive.evaluation import FaultResult, StepResult, TrackResult, measure, step_response
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold, Reference
 from omnidrive.scenario.planned_scenario import PlannedScenario
@@ -24,18 +23,15 @@ from omnidrive.scenario.run_parts import (
     make_supervisor,
 )
 from omnidrive.scenario.run_settings import RunSettings, fault_of, run_seed
-from omnidrive.simulation import KinematicPlant, Outcome, Plant, Run, Schedule, simulate
-
-Result = TrackResult | StepResult | FaultResult
-"""Result of one run."""
+from omnidrive.simulation import Plant, Run, Schedule, simulate
 
 
 def simulate_run(
     planned: PlannedScenario,
     settings: RunSettings,
     observers: Sequence[visualization.Observer] = (),
-) -> Result:
-    """Simulate one run, during which the observers are called, and evaluate it.
+) -> Run:
+    """Simulate one run, during which the observers are called, and return its log.
 
     Raises:
         ComponentFailed: The factory of the plant or of the estimator raises an exception.
@@ -43,30 +39,7 @@ def simulate_run(
     own, step = _copied(planned), settings.task == "step"
     reference = reference_of(own, settings)
     with plant_of(own, reference, settings.repeat, on_map=not step, observers=observers) as plant:
-        run = _simulate(own, settings, plant, reference)
-    return evaluate(planned, settings, run)
-
-
-def unfinished(
-    planned: PlannedScenario, settings: RunSettings, outcome: Outcome, reason: str
-) -> Result:
-    """Return the result of a run whose log is lost: one sample at the start.
-
-    Args:
-        planned: The planned scenario.
-        settings: The run.
-        outcome: Why the run ended.
-        reason: Reason in one line.
-    """
-    reference = reference_of(planned, settings)
-    run = simulate(
-        KinematicPlant(planned.plant_robot),
-        FailedController(RuntimeError(reason)),
-        reference,
-        start=start_of(planned, settings, reference),
-        dt=planned.scenario.sample_time,
-    )
-    return evaluate(planned, settings, replace(run, outcome=outcome, reason=reason, traceback=""))
+        return _simulate(own, settings, plant, reference)
 
 
 def reference_of(planned: PlannedScenario, settings: RunSettings) -> Reference:
@@ -135,23 +108,3 @@ def _simulate(
         schedule=Schedule(faults, robot) if faults else None,
         rng=jitter_rng,
     )
-
-
-def evaluate(planned: PlannedScenario, settings: RunSettings, run: Run) -> Result:
-    """Return the result of a simulated run."""
-    if settings.task == "step":
-        start, goal = planned.start, reference_of(planned, settings).at(0.0).pose
-        x, y, heading = (
-            step_response(run.t, run.pose[:, i], start[i], goal[i]) for i in range(len(goal))
-        )
-        return StepResult(settings.controller, run, (x, y, heading))
-    metrics = measure(run, planned.robot.drive)
-    if settings.task == "faults":
-        fault = fault_of(planned.scenario, settings)
-        return FaultResult(
-            settings.controller, settings.fault, fault, settings.duration, run, metrics
-        )
-    return TrackResult(
-        settings.controller, settings.task, settings.duration, settings.task == "noise",
-        settings.horizon, run, metrics, planned.clearance(run.pose[:, :2]), settings.repeat,
-    )  # fmt: skip

@@ -179,7 +179,7 @@ def _within(keys: list[Any]) -> str:
 def _suggestion(name: str, loc: list[Any], model: Any) -> str:
     """Return a suggestion of the closest valid key at ``loc`` of a model, or of all."""
     keys = field_names(_model_at(loc, model))
-    return suggestion(name, keys, most=len(keys))
+    return suggestion(name, keys, maximum=len(keys))
 
 
 def _model_at(loc: list[Any], model: Any) -> Any:

@@ -73,7 +73,7 @@ def find_keys(data: dict[str, Any], path: str, *, addable: bool = False) -> Keys
         if key is None and addable and keys == ["controllers"] and "." not in rest:
             return ("controllers", rest)
         if key is None or (not keys and key in FIXED):
-            hint = suggestion(path, _paths(known), most=20)
+            hint = suggestion(path, _paths(known), maximum=20)
             raise InvalidStudy(f"the scenario has no '{one_line(path, 80)}'{hint}")
         text, found = key, _index(key) if isinstance(node, list) else key
         keys.append(found)

@@ -85,10 +85,10 @@ def lengthen(scenario: Scenario) -> Scenario:
         InvalidInput: A scaled time is out of range.
     """
     durations = scenario.tasks.path_durations
-    least = plan_scenario(scenario).least if durations else 0.0
-    if not durations or durations[0] >= least:
+    minimum = plan_scenario(scenario).minimum if durations else 0.0
+    if not durations or durations[0] >= minimum:
         return scenario
-    return _scaled(scenario, _whole(least, scenario.sample_time) / durations[0])
+    return _scaled(scenario, _whole(minimum, scenario.sample_time) / durations[0])
 
 
 def _default_duration(scenario: Scenario, speed: float | None) -> float:
@@ -104,15 +104,15 @@ def _default_duration(scenario: Scenario, speed: float | None) -> float:
 
 def _check_feasible(planned: PlannedScenario, duration: float, speed: float | None) -> None:
     """Raise InvalidReference if the duration (s) at a given mean speed (m/s) is infeasible."""
-    least, length = planned.least, planned.path.length
-    if speed is None or duration >= least * (1.0 - 1e-9):
+    minimum, length = planned.minimum, planned.path.length
+    if speed is None or duration >= minimum * (1.0 - 1e-9):
         return
-    top = length / _whole(least, planned.scenario.sample_time)
+    top = length / _whole(minimum, planned.scenario.sample_time)
     digits = max(2 - floor(log10(top)), 0)
     raise InvalidReference(
         f"a mean speed of {speed:g} m/s is too high for this path of {length:.2f} m: the fastest "
         f"motion within the limits has {floor(top * 10**digits) / 10**digits:g} m/s "
-        f"and takes {least:.1f} s"
+        f"and takes {minimum:.1f} s"
     )
 
 

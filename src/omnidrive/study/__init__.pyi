@@ -21,9 +21,9 @@ from .progress import ProgressListener
 from .queries import solve_queries
 from .run_experiment import run_experiment
 from .run_plan import RunPlan, check_size
-from .run_record import RunRecord
-from .stored_study import StoredStudy, compare_studies, export_study, read_study, report_study
-from .study import Study, run_study
+from .run_study import run_study
+from .stored_study import compare_studies, export_study, read_study, report_study
+from .study import Study
 from .study_folder import load_study
 from .warm_up import warm_up
 
@@ -33,8 +33,6 @@ __all__ = [
     "ProgressListener",
     "RunFolder",
     "RunPlan",
-    "RunRecord",
-    "StoredStudy",
     "Study",
     "StudyDefinition",
     "check_figure",

@@ -15,6 +15,7 @@ from omnidrive.estimation import EncoderSettings
 from omnidrive.estimation.state import check_start
 from omnidrive.evaluation import StepResponse, step_response
 from omnidrive.evaluation.metrics import LoggedRuns, measure_many
+from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.geometry import Pose, check_heading
 from omnidrive.reference import Hold, Reference
 from omnidrive.scenario.planned_scenario import PlannedScenario
@@ -34,7 +35,6 @@ from omnidrive.simulation.batch.loop import (
 from omnidrive.simulation.batch.run_samples import RunSamples, Sampler
 from omnidrive.simulation.sensors.sensors import quantized_array
 from omnidrive.study.planned_run import PlannedRun
-from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import finished_record, step_values, tracking_values
 
 _PLANTS = ("kinematic", "planar")
@@ -208,9 +208,10 @@ class _Loop:
         if runs[0].settings.task == "step":
             goal = Pose(*samples.targets[0].tolist())
             responses = [_responses(samples.times, each, start, goal) for each in pose]
+            work = logs.rows[:, -1, LOG_WORK].tolist()
             return [
-                finished_record(run, step_values(each), {})
-                for run, each in zip(runs, responses, strict=True)
+                finished_record(run, step_values(*each), {})
+                for run, *each in zip(runs, responses, work, strict=True)
             ]
         command = logs.columns(LOG_COMMAND, 3)
         logged = LoggedRuns(

@@ -11,17 +11,17 @@ from omnidrive import visualization  # imports only the modules in use
 from omnidrive.components.fields import plain
 from omnidrive.errors import OmnidriveError, PlantLost
 from omnidrive.evaluation.recovery import Recovery, recovery
-from omnidrive.evaluation.results import FaultResult
+from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.execution.engine import is_worker
 from omnidrive.parameter import check_choice
 from omnidrive.scenario.planned_scenario import PlannedScenario, plan_scenario
-from omnidrive.scenario.run_simulation import Result, simulate_run
+from omnidrive.scenario.run_settings import fault_of
+from omnidrive.scenario.run_simulation import simulate_run
 from omnidrive.scenario.variant import robot_in
 from omnidrive.simulation import Outcome, Run
 from omnidrive.study.batched_runs import batched_records
 from omnidrive.study.definition import SeriesKept
 from omnidrive.study.planned_run import PlannedRun
-from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import lost_record, record_of, refused_record
 
 _KEPT_PLANS, _KEPT_RUNS = 32, 32
@@ -81,8 +81,8 @@ def _record(
         return refused_record(run, run.refused), None
     try:
         planned = _plans.planned(run)
-        result = simulate_run(planned, run.settings, observers)
-        return record_of(run, result, _recovery(planned, result, run)), result.run
+        log = simulate_run(planned, run.settings, observers)
+        return record_of(run, planned, log, _recovery(planned, log, run)), log
     except PlantLost:  # the other runs cannot begin either
         raise
     except OmnidriveError as error:
@@ -96,23 +96,24 @@ def _record(
         return lost_record(run, Outcome.KILLED, reason), None
 
 
-def _recovery(planned: PlannedScenario, result: Result, run: PlannedRun) -> Recovery | None:
+def _recovery(planned: PlannedScenario, log: Run, run: PlannedRun) -> Recovery | None:
     """Return the recovery from a fault, compared with the run without it."""
-    if not isinstance(result, FaultResult):
+    if run.settings.task != "faults":
         return None
-    if result.fault is None:
-        _undisturbed.put(run.key, result.run)
+    fault = fault_of(run.scenario, run.settings)
+    if fault is None:
+        _undisturbed.put(run.key, log)
         return None
     settings = run.settings._replace(fault=0)
-    nominal = _undisturbed.get(run.nominal, lambda: simulate_run(planned, settings).run)
-    return recovery(result.run, nominal, result.fault.at)
+    nominal = _undisturbed.get(run.nominal, lambda: simulate_run(planned, settings))
+    return recovery(log, nominal, fault.at)
 
 
 class LruCache:
     """The latest values by their keys, in this process."""
 
-    def __init__(self, most: int) -> None:
-        self._max = most
+    def __init__(self, maximum: int) -> None:
+        self._max = maximum
         self._values: OrderedDict[Hashable, Any] = OrderedDict()
 
     def get(self, key: Hashable, make: Callable[[], _Value]) -> _Value:

@@ -127,7 +127,7 @@ class DefinitionParser:
                 run[key] = tuple(wanted) if isinstance(wanted, list) else (wanted,)
                 self._check_run(name, key, run[key], axes)
             else:
-                hint = suggestion(str(key), [*known, *_RUN_KEYS], most=30)
+                hint = suggestion(str(key), [*known, *_RUN_KEYS], maximum=30)
                 self.problems.append(f"{name}: unknown axis '{one_line(str(key), 60)}'{hint}")
         return Condition(source, values, run)
 

@@ -10,6 +10,7 @@ from math import inf, isnan, nan
 from time import monotonic
 from typing import NamedTuple
 
+from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.execution.engine import Work, execute_blocks, must_be_in_process
 from omnidrive.execution.worker_pool import Lost
 from omnidrive.files.output_file import create_folder
@@ -18,7 +19,6 @@ from omnidrive.parameter import Bounds, check_number
 from omnidrive.simulation import Outcome
 from omnidrive.study.leases import Leases
 from omnidrive.study.planned_run import PlannedRun
-from omnidrive.study.run_record import RunRecord
 from omnidrive.study.run_recording import lost_record, relabelled
 from omnidrive.study.store import KeyedPlan, Store
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from contextlib import AbstractContextManager, suppress
 from itertools import count
 from pathlib import Path
@@ -11,7 +9,6 @@ from shutil import copyfile
 
 from omnidrive.choices import WAYPOINTS
 from omnidrive.components import configure
-from omnidrive.evaluation import StudyResults
 from omnidrive.files.output_file import create_folder, output_file, remove_abandoned, write_errors
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.maps import save_nav2_map
@@ -22,9 +19,9 @@ from omnidrive.scenario.scenario_file import save_scenario
 from omnidrive.scenario.sections import RobotSection
 from omnidrive.simulation import Run
 from omnidrive.study.output_paths import check_study_folder
-from omnidrive.study.results_data import results_data
 
-_ADVICE = "files written before are kept; free disk space, or choose another folder with --out"
+ADVICE = "files written before are kept; free disk space, or choose another folder with --out"
+"""What a message about a file that cannot be written advises."""
 
 
 class RunFolder:
@@ -43,12 +40,12 @@ class RunFolder:
                 taken by creating the folder, so that commands may start at the same time.
 
         Raises:
-            CannotWrite: It cannot be created, or holds other files than an unfinished study.
+            CannotWrite: It cannot be created, or holds other files than those of a study.
         """
         self.path = to_path(path)
         if not numbered:
             check_study_folder(self.path)
-        with write_errors(self.path, _ADVICE):
+        with write_errors(self.path, ADVICE):
             if numbered:
                 self.path = _numbered_folder(self.path)
             else:
@@ -79,34 +76,9 @@ class RunFolder:
         create_folder(self.path / "series")
         run.save(self.path / f"series/{name}.parquet")
 
-    def save_results(
-        self,
-        planned: PlannedScenario,
-        results: StudyResults,
-        timing: dict[str, float],
-        drive: Mapping[str, object] | None = None,
-    ) -> None:
-        """Write ``results.json``; docs/run-folder.md describes its schema.
-
-        Args:
-            planned: The planned scenario.
-            results: Results of the runs that are finished.
-            timing: Wall time of each part of the study, s.
-            drive: Entry ``drive`` of a drive in real time. None: these are simulations.
-
-        Raises:
-            CannotWrite: The file cannot be written.
-        """
-        scenario = planned.scenario
-        data = results_data(scenario, portable(scenario), results, timing)
-        if drive is not None:
-            data["drive"] = dict(drive)
-        with self._file("results.json") as part:
-            part.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-
     def _file(self, name: str) -> AbstractContextManager[Path]:
         """Return the context of :func:`output_file` for a file of the folder."""
-        return output_file(self.path / name, _ADVICE)
+        return output_file(self.path / name, ADVICE)
 
 
 def _numbered_folder(path: Path) -> Path:

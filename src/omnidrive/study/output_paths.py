@@ -26,9 +26,6 @@ POSE_FORMATS = (".path", ".yaml", ".yml")
 STORE_FILE = "runs.sqlite"
 """Database of finished runs in the folder of a study."""
 
-REPORT_FILE = "report.html"
-"""Report in the folder of a study, which is written last."""
-
 _FIGURE_SUFFIXES = (".png", ".svg")
 
 
@@ -140,15 +137,15 @@ def check_new_folder(path: StrPath) -> None:
 def check_study_folder(path: StrPath) -> None:
     """Check that a study can be written to a folder; nothing is created.
 
-    The folder is new or empty, or holds a study that was interrupted, which is then continued.
+    The folder is new or empty, or holds a study, which is then continued if it is the same one.
 
     Raises:
         CannotWrite: See :func:`check_new_folder`.
     """
     path = to_path(path)
     with _write_errors(path):
-        is_interrupted = (path / STORE_FILE).is_file() and not (path / REPORT_FILE).exists()
-    if is_interrupted:
+        holds_a_study = (path / STORE_FILE).is_file()
+    if holds_a_study:
         remove_abandoned(path)
         with _write_errors(path):
             _check_writable(path)

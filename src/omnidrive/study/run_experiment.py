@@ -14,6 +14,7 @@ from typing import Any
 from omnidrive import visualization  # imports only the modules in use
 from omnidrive.components.code import CodePermission, allow, allowed_code
 from omnidrive.errors import CannotWrite, one_line
+from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.evaluation.stop_rule import StopRule
 from omnidrive.execution.engine import must_be_in_process
 from omnidrive.files.output_file import create_folder, remove_abandoned
@@ -28,7 +29,6 @@ from omnidrive.study.definition_file import definition_data, load_definition, sa
 from omnidrive.study.experiment import Experiment, Progress
 from omnidrive.study.planned_run import PlannedRun
 from omnidrive.study.run_plan import RunPlan, check_size
-from omnidrive.study.run_record import RunRecord
 from omnidrive.study.store import Store
 from omnidrive.study.study_folder import (
     DEFINITION_FILE,
@@ -191,13 +191,13 @@ class _Extension:
         """Return how many runs are to be computed in all; None: no more."""
         state = self.rule.check(store.records())
         self.note(state.text)
-        most = self.plan.definition.repetitions
-        if state.reached or state.repetitions >= most:
+        maximum = self.plan.definition.repetitions
+        if state.reached or state.repetitions >= maximum:
             return None
         done = state.repetitions
         more = 0.5 * (state.needed - done) if isfinite(state.needed) else 0.0
         wanted = done + min(max(ceil(more), done // 4, 2), max(done, 2))
-        return min(wanted, most) * self.plan.per_repetition
+        return min(wanted, maximum) * self.plan.per_repetition
 
 
 def _prepare_folder(definition: StudyDefinition, path: Path) -> bool:

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from omnidrive.evaluation import Metrics, Recovery, StepResponse, StepResult, TrackResult
+from omnidrive.evaluation import Metrics, Recovery, StepResponse, measure, step_response
+from omnidrive.evaluation.metrics import step_time_percentiles
+from omnidrive.evaluation.run_record import MAX_DETAIL, TIMING, Factor, RunRecord
+from omnidrive.evaluation.run_table import REFUSED
 from omnidrive.evaluation.step_response import STEP_AXES
-from omnidrive.scenario.run_settings import faults_of
-from omnidrive.scenario.run_simulation import Result
-from omnidrive.simulation import Outcome
+from omnidrive.scenario.planned_scenario import PlannedScenario
+from omnidrive.scenario.run_settings import task_variant
+from omnidrive.scenario.run_simulation import reference_of
+from omnidrive.simulation import Outcome, Run
 from omnidrive.study.planned_run import PlannedRun
-from omnidrive.study.run_record import MAX_DETAIL, TIMING, Factor, RunRecord
 
 _FINISHED = Outcome.FINISHED.name.lower()
-
-REFUSED = "refused"
-"""Outcome of a run that its scenario does not allow."""
 
 
 def relabelled(record: RunRecord, run: PlannedRun) -> RunRecord:
@@ -30,21 +30,23 @@ def relabelled(record: RunRecord, run: PlannedRun) -> RunRecord:
         repetition=run.repetition,
         factors=_factors(run),
         duration=run.settings.duration,
-        variant=_variant(run),
+        variant=task_variant(run.scenario, run.settings),
         repeat=run.settings.repeat,
     )
 
 
-def record_of(run: PlannedRun, result: Result, recovery: Recovery | None = None) -> RunRecord:
-    """Return the record of a simulated run.
+def record_of(
+    run: PlannedRun, planned: PlannedScenario, log: Run, recovery: Recovery | None = None
+) -> RunRecord:
+    """Evaluate the log of a run.
 
     Args:
         run: The planned run.
-        result: Its result.
+        planned: Its planned scenario.
+        log: Its log.
         recovery: Recovery from the fault; None: a run without a fault.
     """
-    log = result.run
-    metrics, timing = _metrics(result)
+    metrics, timing = _metrics(run, planned, log)
     if recovery is not None:
         metrics |= {
             "recovered": float(recovery.recovered),
@@ -92,26 +94,40 @@ def _labelled(
         timing=timing,
         detail=detail[:MAX_DETAIL],
         duration=run.settings.duration,
-        variant=_variant(run),
+        variant=task_variant(run.scenario, run.settings),
         repeat=run.settings.repeat,
     )
 
 
-def _metrics(result: Result) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the reproducible metrics of a result, and its computing times."""
-    if isinstance(result, StepResult):
-        return step_values(result.responses), {}
-    clearance = result.min_clearance if isinstance(result, TrackResult) else None
-    return tracking_values(result.metrics, int(result.run.collisions[-1]), clearance)
+def _metrics(
+    run: PlannedRun, planned: PlannedScenario, log: Run
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the reproducible metrics of a run, and its computing times."""
+    settings = run.settings
+    if settings.task == "step":
+        start, goal = planned.start, reference_of(planned, settings).at(0.0).pose
+        responses = [
+            step_response(log.t, log.pose[:, i], start[i], goal[i]) for i in range(len(goal))
+        ]
+        timing = zip(TIMING, step_time_percentiles(log), strict=True)
+        return step_values(responses, float(log.work[-1])), dict(timing)
+    clearance = planned.clearance(log.pose[:, :2]) if settings.task != "faults" else None
+    metrics = measure(log, planned.robot.drive)
+    return tracking_values(metrics, int(log.collisions[-1]), clearance)
 
 
-def step_values(responses: Sequence[StepResponse]) -> dict[str, float]:
-    """Return the metrics of a step response by name."""
+def step_values(responses: Sequence[StepResponse], work: float) -> dict[str, float]:
+    """Return the metrics of a step response by name.
+
+    Args:
+        responses: Responses of x, y and heading.
+        work: Work of the motors, J; NaN: unknown.
+    """
     return {
         f"{name}_{axis}": value
         for axis, response in zip(STEP_AXES, responses, strict=True)
         for name, value in response._asdict().items()
-    }
+    } | {"work": work}
 
 
 def tracking_values(
@@ -129,18 +145,6 @@ def tracking_values(
     if clearance is not None:
         values["min_clearance"] = clearance
     return values | {"collisions": float(collisions)}, timing
-
-
-def _variant(run: PlannedRun) -> str:
-    """Return the horizon or the fault of a run, in tasks that vary them."""
-    settings = run.settings
-    if settings.task == "horizon":
-        return f"N = {settings.horizon}"
-    if settings.task != "faults":
-        return ""
-    faults = (None, *faults_of(run.scenario))
-    fault = faults[settings.fault] if settings.fault < len(faults) else None
-    return f"{settings.fault:02d}-{fault.kind if fault else 'none'}"
 
 
 def _factors(run: PlannedRun) -> dict[str, Factor]:

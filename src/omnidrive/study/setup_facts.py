@@ -14,7 +14,7 @@ from omnidrive.components.fields import plain
 from omnidrive.control.pid.options import FuzzyPidOptions, system_preset
 from omnidrive.control.pid.tuners import Kind, gain_system
 from omnidrive.errors import one_line
-from omnidrive.evaluation.results import ControllerType
+from omnidrive.evaluation.study_logs import ControllerType
 from omnidrive.fuzzy import FuzzySystem
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.scenario.sections import RobotSection

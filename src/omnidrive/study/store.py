@@ -17,9 +17,9 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
 from omnidrive.errors import InvalidStore, one_line
+from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study.output_paths import STORE_FILE as FILE
-from omnidrive.study.run_record import RunRecord
 from omnidrive.study.store_errors import store_errors
 from omnidrive.study.store_opening import open_to_read, open_to_write
 from omnidrive.study.stored_rows import (
@@ -255,13 +255,22 @@ class Store:
             for (outcome, _), number in found.items():
                 counts[outcome] += number
             if not all(finished for _, finished in found):
-                columns = "substr(detail, 1, 500), outcome"
-                parts = valid_rows(self._connection, columns, "NOT finished")
-                first = next(parts, [])[:_MAX_FAILURES]
-                failures = [(n, text or outcome.replace("_", " ")) for n, text, outcome in first]
+                failures = self._failures(_MAX_FAILURES)
             lost = loss(self._connection, counts.total(), self._facts()["runs"])
-        first = [(n, (text.splitlines() or [""])[0]) for n, text in failures]
-        return StoreStatus(counts.total(), dict(sorted(counts.items())), first, lost)
+        return StoreStatus(counts.total(), dict(sorted(counts.items())), failures, lost)
+
+    def failures(self, count: int) -> list[tuple[int, str]]:
+        """Return number and reason, or outcome, of the first ``count`` runs that ended early."""
+        with self.errors(), self._snapshot():
+            return self._failures(count)
+
+    def _failures(self, count: int) -> list[tuple[int, str]]:
+        columns = "substr(detail, 1, 500), outcome"
+        first = next(valid_rows(self._connection, columns, "NOT finished"), [])[:count]
+        return [
+            (number, (text.splitlines() or [outcome.replace("_", " ")])[0])
+            for number, text, outcome in first
+        ]
 
     @property
     def count(self) -> int:

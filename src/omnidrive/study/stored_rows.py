@@ -17,7 +17,7 @@ from struct import pack, unpack
 from typing import Any, NamedTuple
 from zlib import crc32
 
-from omnidrive.study.run_record import RunRecord
+from omnidrive.evaluation.run_record import RunRecord
 
 APPLICATION = 0x6F6D6E69
 """Application id of the file: "omni"."""
@@ -332,8 +332,8 @@ def _rows(connection: sqlite3.Connection, query: str) -> Iterator[list[tuple[Any
             if not is_corrupt(error):
                 raise
             low = max(low, last + 1)
-            most = _MAX_READS if found else _MAX_VAIN_READS
-            if low < high and reads < most:
+            maximum = _MAX_READS if found else _MAX_VAIN_READS
+            if low < high and reads < maximum:
                 middle = _middle(low, high)
                 ranges += [(middle + 1, high), (low, middle)]
 

@@ -12,8 +12,8 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.evaluation.mean_test import difference_tests, mean_intervals
 from omnidrive.evaluation.quantities import QUANTITIES
+from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.evaluation.uncertainty import MeanEstimate
-from omnidrive.study.run_record import RunRecord
 from omnidrive.tuning.objective import Objective, metric_value
 
 BETTER, WORSE = "better", "worse"

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 
 from omnidrive.errors import InvalidInput, one_line, suggestion
 from omnidrive.evaluation.quantities import QUANTITIES, Quantity, parse_value
-from omnidrive.study.run_record import RunRecord
+from omnidrive.evaluation.run_record import RunRecord
 
 Statistic = Literal["mean", "max"]
 
@@ -178,7 +178,7 @@ def _metric(name: str) -> Quantity:
     if found is None:
         known = [*QUANTITIES, *SHORT_NAMES]
         raise InvalidInput(
-            f"there is no metric '{one_line(name, 60)}'{suggestion(name, known, most=12)}"
+            f"there is no metric '{one_line(name, 60)}'{suggestion(name, known, maximum=12)}"
         )
     return found
 

@@ -14,11 +14,13 @@ from shlex import quote
 from matplotlib.figure import Figure
 
 from omnidrive.evaluation.figures.style import save
-from omnidrive.evaluation.page.evidence import (
-    evidence_document,
+from omnidrive.evaluation.page.document import document, read_parts
+from omnidrive.evaluation.page.markup import (
+    PageFigure,
+    figure_markup,
     items_markup,
+    tables_markup,
 )
-from omnidrive.evaluation.page.markup import PageFigure, figure_markup, tables_markup
 from omnidrive.evaluation.table import Table
 from omnidrive.files.output_file import create_folder, output_file
 from omnidrive.scenario.controller_file import save_controller
@@ -220,7 +222,8 @@ def _page(result: TuningResult, figures: Sequence[PageFigure]) -> str:
         "hashes": items_markup(hashes),
         "parameters": escape((folder / PARAMETERS_FILE).read_text(encoding="utf-8")),
     }
-    return evidence_document("tuning.html", parts)
+    styles, scripts = read_parts(("page.css",)), read_parts(("theme_button.js",))
+    return document("tuning.html", parts, styles, scripts)
 
 
 def _facts(result: TuningResult) -> dict[str, str]:

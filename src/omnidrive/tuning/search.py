@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from omnidrive.components import Configured
 from omnidrive.errors import InvalidInput
-from omnidrive.study.run_record import RunRecord
+from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.tuning.objective import Limit, Objective
 from omnidrive.tuning.optimizers import CmaEs, Nsga2, Optimizer, Score, knee
 from omnidrive.tuning.space import ParameterSpace

@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from functools import partial
 from types import TracebackType
 
+from omnidrive.evaluation import RunRecord
 from omnidrive.execution.engine import (
     ListSource,
     Work,
@@ -17,7 +18,7 @@ from omnidrive.execution.engine import (
 )
 from omnidrive.execution.worker_pool import WorkerPool
 from omnidrive.simulation import Run
-from omnidrive.study import PlannedRun, RunRecord, run_block
+from omnidrive.study import PlannedRun, run_block
 from omnidrive.study.experiment import record_of_lost
 from omnidrive.study.run_recording import relabelled
 from omnidrive.study.store import Store

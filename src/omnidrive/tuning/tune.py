@@ -15,16 +15,16 @@ from omnidrive.components import Configured
 from omnidrive.components.code import CodePermission
 from omnidrive.components.fields import plain
 from omnidrive.errors import CannotWrite, one_line
+from omnidrive.evaluation import RunRecord
+from omnidrive.evaluation.run_record import TIMING
 from omnidrive.files.output_file import create_folder, output_file, remove_abandoned
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.study import (
     RunPlan,
-    RunRecord,
     StudyDefinition,
     definition_data,
     save_definition,
 )
-from omnidrive.study.run_record import TIMING
 from omnidrive.study.store import Store
 from omnidrive.tuning.gain import BETTER, WORSE, HeldOut, held_out_gain, validation_gain
 from omnidrive.tuning.objective import Objective

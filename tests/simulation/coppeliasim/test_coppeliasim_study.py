@@ -71,8 +71,8 @@ def test_study_runs_in_one_process(monkeypatch, interface):
         assert server.scene.state == STOPPED
     study.raise_if_failed()
     direct = run_study(scenario_at(1).with_values(plant="mujoco-balls"))
-    for remote, local in zip(study.results.tracks, direct.results.tracks, strict=True):
-        assert remote.run.pose == pytest.approx(local.run.pose, abs=1e-4)
+    for remote, local in zip(study.logs.runs, direct.logs.runs, strict=True):
+        assert remote.log.pose == pytest.approx(local.log.pose, abs=1e-4)
 
 
 def test_lost_simulator_keeps_the_log_of_the_run(tmp_path):

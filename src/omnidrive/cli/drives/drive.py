@@ -57,7 +57,7 @@ def drive(
     ] = "simulated",
     arm: Annotated[bool, flag("Arm the robot at once.", _PANEL, "--arm")] = False,
     cpu: Annotated[
-        int | None, option("N", "Processor of the loop [default: any].", _PANEL, least=0)
+        int | None, option("N", "Processor of the loop [default: any].", _PANEL, minimum=0)
     ] = None,
     rate: Annotated[
         float | None,

@@ -110,7 +110,7 @@ def drive(
     serve: _ServeOption = False,
     node_name: Annotated[str, option("NAME", "Name of the node.")] = "omnidrive_drive",
     drives: Annotated[
-        int | None, option("N", "Number of paths and goals [default: until stopped].", least=1)
+        int | None, option("N", "Number of paths and goals [default: until stopped].", minimum=1)
     ] = None,
     out: _LogsOption = None,
     no_log: _NoLogOption = False,

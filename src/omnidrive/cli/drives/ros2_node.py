@@ -9,7 +9,7 @@ from omnidrive.cli.options import choice, choose_one, option
 _DISTRIBUTIONS = ("humble", "iron", "jazzy", "kilted", "lyrical", "rolling")
 _GRAPH_PANEL = "Graph"
 DomainOption = Annotated[
-    int | None, option("N", "Domain [default: ROS_DOMAIN_ID, or 0].", _GRAPH_PANEL, least=0)
+    int | None, option("N", "Domain [default: ROS_DOMAIN_ID, or 0].", _GRAPH_PANEL, minimum=0)
 ]
 PeersOption = Annotated[
     list[str] | None,

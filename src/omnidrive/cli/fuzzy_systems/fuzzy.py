@@ -84,7 +84,9 @@ NoRuleOption = Annotated[
 ]
 ThreadsOption = Annotated[
     int | None,
-    option("N", "Number of threads; does not change the results [default: one per core].", least=1),
+    option(
+        "N", "Number of threads; does not change the results [default: one per core].", minimum=1
+    ),
 ]
 
 

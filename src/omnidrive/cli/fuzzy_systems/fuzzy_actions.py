@@ -109,11 +109,11 @@ def _record(inference: Inference, given: list[float] | None) -> dict[str, Any]:
     if given is None:
         return record
     values = dict(zip((v.name for v in system.inputs), given, strict=True))
-    least, greatest = inference.interval(*given)
+    minimum, greatest = inference.interval(*given)
     return record | {
         "given": values,
         "results": {
-            name: {"value": value, "least": float(least[k]), "greatest": float(greatest[k])}
+            name: {"value": value, "least": float(minimum[k]), "greatest": float(greatest[k])}
             for k, (name, value) in enumerate(inference(values).items())
         },
         "fired": [

@@ -133,13 +133,13 @@ def outputs_table(inference: Inference, inputs: Sequence[float]) -> Table:
     """Return a table of the outputs; for type 2 or 3 also with their type-reduced intervals."""
     system = inference.system
     values = inference(dict(zip((v.name for v in system.inputs), inputs, strict=True)))
-    least, greatest = inference.interval(*inputs)
+    minimum, greatest = inference.interval(*inputs)
     has_interval = system.type > 1
     rows = tuple(
         (
             name[:_CELL],
             repr(value),
-            *[repr(float(end[o])) for end in (least, greatest)] * has_interval,
+            *[repr(float(end[o])) for end in (minimum, greatest)] * has_interval,
         )
         for o, (name, value) in enumerate(values.items())
     )

@@ -67,7 +67,7 @@ _JobsOption = Annotated[
         "N",
         "Number of parallel runs; affects no results but computing times [default: all cores].",
         RUN_PANEL,
-        least=1,
+        minimum=1,
     ),
 ]
 

@@ -52,7 +52,7 @@ SetOption = Annotated[
     ),
 ]
 RepetitionsOption = Annotated[
-    int | None, option("N", "Number of repetitions, each with its own seed.", least=1)
+    int | None, option("N", "Number of repetitions, each with its own seed.", minimum=1)
 ]
 UntilOption = Annotated[
     str | None,
@@ -68,7 +68,7 @@ EqualBudgetOption = Annotated[
         "N",
         "Tune every controller with N trials first, on other seeds and robots, into FOLDER-tuning; "
         "needs the extra `tuning`.",
-        least=2,
+        minimum=2,
     ),
 ]
 DryRunOption = Annotated[

@@ -45,12 +45,12 @@ def report(
     allow_code: AllowCodeOption = False,
     full: FullOption = False,
 ) -> None:
-    """Print the answer of a study with its uncertainty, and write its report.
+    """Print the verdict of a study with its uncertainty, and write its report.
 
-    The report is one HTML file, report.html, that needs no network: question, answer, figures,
-    tables, set-up, and how to repeat the study. Tables are written as CSV and LaTeX, too, and
-    figures in the formats of `--figures`. A study that is not finished gives a report of its
-    finished runs.
+    The report is one HTML file, report.html, that needs no network: question, verdict, playback of
+    the runs of one scenario, figures, tables, set-up, and how to repeat the study. Tables are
+    written as CSV and LaTeX, too, and figures in the formats of `--figures`. A study that is not
+    finished gives a report of its finished runs.
 
     For example:
 
@@ -65,9 +65,9 @@ def report(
     with LiveProgress() as progress:
         progress.part("report", 0)
         found = read_study(folder, allow_code=allow_code)
-        written = report_study(found, metric, out, progress.done, formats)
-    print_tables(written.tables, full=full)
-    conclude(f"report: {written.page}")
+        page, tables = report_study(found, metric, out, progress.done, formats)
+    print_tables(tables, full=full)
+    conclude(f"report: {page}")
 
 
 def export(

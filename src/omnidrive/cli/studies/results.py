@@ -88,9 +88,11 @@ def print_results(done: Study, *, json: bool, full: bool, lines: Sequence[str]) 
 
 def _print_events(done: Study) -> None:
     """Print the events of tracking runs and step responses: faults, detections and reactions."""
-    told = FALLS_BEHIND if len(done.results.types) > 1 else None  # by the verdict
-    for result in done.results.runs:
-        events = [each for each in result.run.events if not (told and each.what.endswith(told))]
+    told = FALLS_BEHIND if len(done.facts.types) > 1 else None  # by the verdict
+    for result in done.logs.runs if done.logs else ():
+        events = [each for each in result.log.events if not (told and each.what.endswith(told))]
+        if result.task == "faults":  # their table states them
+            continue
         if events:
             show(f"{result.name}:")
         for event in events:

@@ -122,8 +122,9 @@ def _save_drive(done: study.Study, scenario: scenarios.Scenario, file: Path) -> 
     from omnidrive.robot import save_robot
     from omnidrive.scenario.sections import robot_of
 
-    result = (*done.results.runs, *done.results.faults)[-1]
-    found = logged_drive(result.run.details)
+    assert done.logs is not None
+    result = done.logs.runs[-1]
+    found = logged_drive(result.log.details)
     if found is None:
         raise InvalidInput(
             f"{result.controller} identifies no drive, so that there is no robot to save; use "

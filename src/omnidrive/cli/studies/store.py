@@ -16,7 +16,7 @@ JobsOption = Annotated[
     option(
         "N",
         "Number of worker processes; affects no results but computing times [default: all cores].",
-        least=1,
+        minimum=1,
     ),
 ]
 TimeoutOption = Annotated[

@@ -65,7 +65,7 @@ _RangeOption = Annotated[
     option("NAME=LOW:HIGH", "Narrower range of a parameter (repeatable).", _PANEL),
 ]
 _TrialsOption = Annotated[
-    int | None, option("N", "Largest number of trials [default: 200].", _PANEL, least=2)
+    int | None, option("N", "Largest number of trials [default: 200].", _PANEL, minimum=2)
 ]
 _MinutesOption = Annotated[
     float | None,
@@ -91,7 +91,7 @@ _HeldOutOption = Annotated[
 ]
 _JobsOption = Annotated[
     int | None,
-    option("N", "Number of parallel runs [default: all cores].", RUN_PANEL, least=1),
+    option("N", "Number of parallel runs [default: all cores].", RUN_PANEL, minimum=1),
 ]
 _OutOption = Annotated[
     Path | None,

@@ -59,7 +59,7 @@ class ChannelOptions(PresetDefaults):
                 known = [each.name for each in fields(self) if each.name in law._fields]
                 raise InvalidInput(
                     f"{where}.{name}: the preset {preset} has no such parameter"
-                    f"{suggestion(name, known, most=len(known))}"
+                    f"{suggestion(name, known, maximum=len(known))}"
                 )
         return law._replace(**given)
 

@@ -74,7 +74,7 @@ def rate_of_error(pose: Pose, previous: Pose, motion: WorldTwist, elapsed: float
 
 @compilable
 def lead(  # noqa: PLR0917
-    motion: WorldTwist, begin: Vector, end: Vector, lags: Pair, most: Pair, dt: float
+    motion: WorldTwist, begin: Vector, end: Vector, lags: Pair, maximum: Pair, dt: float
 ) -> WorldTwist:
     """Return the mean command that moves a robot with a first-order lag as ``motion``.
 
@@ -85,11 +85,11 @@ def lead(  # noqa: PLR0917
         begin: Its velocity at the begin of the sample, in W; m/s, m/s, rad/s.
         end: Likewise at the end.
         lags: Pair of translation and rotation, s.
-        most: Greatest accelerations that are led, m/s^2 and rad/s^2: a jump of the velocity is not.
+        maximum: Greatest accelerations that are led, m/s^2 and rad/s^2: a jump is not.
         dt: Sample time, s.
     """
-    along = saturate(complex(end[0] - begin[0], end[1] - begin[1]), most[0] * dt)
-    turn = saturate(end[2] - begin[2], most[1] * dt)
+    along = saturate(complex(end[0] - begin[0], end[1] - begin[1]), maximum[0] * dt)
+    turn = saturate(end[2] - begin[2], maximum[1] * dt)
     return WorldTwist(
         motion.vx + lags[0] / dt * along.real,
         motion.vy + lags[0] / dt * along.imag,
@@ -114,7 +114,7 @@ def missing_motion(  # noqa: PLR0917
     command: BodyTwist,
     response: BodyTwist,
     lags: Pair,
-    most: Pair,
+    maximum: Pair,
     dt: float,
 ) -> tuple[Vector, BodyTwist]:
     """Return the predicted minus the measured mean twist of a sample, and the predicted twist.
@@ -131,7 +131,7 @@ def missing_motion(  # noqa: PLR0917
         command: Command during the sample.
         response: Twist predicted for its begin.
         lags: Lags of translation and rotation, s.
-        most: Greatest accelerations, m/s^2 and rad/s^2.
+        maximum: Greatest accelerations, m/s^2 and rad/s^2.
         dt: Duration of the sample, s.
 
     Returns:
@@ -146,8 +146,8 @@ def missing_motion(  # noqa: PLR0917
     mean_y, end_y = _lagged(lags[0], command.vy, y, dt)
     mean_turn, end_turn = _lagged(lags[1], command.yaw_rate, response.yaw_rate, dt)
     change = complex(end_x - x, end_y - y)
-    reached = saturate(change, most[0] * dt)
-    turned = saturate(end_turn - response.yaw_rate, most[1] * dt)
+    reached = saturate(change, maximum[0] * dt)
+    turned = saturate(end_turn - response.yaw_rate, maximum[1] * dt)
     x, y, _ = _in_body(0.5 * turn, x + reached.real, y + reached.imag, 0.0)
     predicted = BodyTwist(x, y, response.yaw_rate + turned)
     if reached != change or turned != end_turn - response.yaw_rate:

@@ -79,7 +79,7 @@ def tracking_pid_law(  # noqa: PLR0917
     begin, end = (first[3], first[4], first[5]), (last[3], last[4], last[5])
     motion = mean_velocity(begin, (middle[3], middle[4], middle[5]), end)
     position, heading = d.x.parameters, d.heading.parameters
-    lags, most = (position.lag, heading.lag), (position.acceleration, heading.acceleration)
+    lags, maximum = (position.lag, heading.lag), (position.acceleration, heading.acceleration)
     rate, missing, response = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
     if m.started:
         previous = Pose(m.pose.x, m.pose.y, m.pose.yaw)
@@ -88,7 +88,7 @@ def tracking_pid_law(  # noqa: PLR0917
         response = BodyTwist(m.response.vx, m.response.vy, m.response.yaw_rate)
         elapsed = time_between(m.t, t, dt)
         rate = rate_of_error(pose, previous, earlier, whole_samples(elapsed, dt))
-        missing, response = missing_motion(pose, previous, held, response, lags, most, elapsed)
+        missing, response = missing_motion(pose, previous, held, response, lags, maximum, elapsed)
 
     error = pose_error(pose, Pose(first[0], first[1], first[2]))
     distance, turn = hypot(error[0], error[1]), abs(error[2])
@@ -96,7 +96,7 @@ def tracking_pid_law(  # noqa: PLR0917
     y, tuned_y = tracking_channel(d.y, m.y, error[1], rate[1], missing[1], distance)
     yaw_rate, tuned = tracking_channel(d.heading, m.heading, error[2], rate[2], missing[2], turn)
     correction = saturated(x, y, yaw_rate, (position.limit, heading.limit))
-    twist = twist_of(pose, lead(motion, begin, end, lags, most, dt), correction, dt)
+    twist = twist_of(pose, lead(motion, begin, end, lags, maximum, dt), correction, dt)
     m.started, m.t = 1, t
     m.pose.x, m.pose.y, m.pose.yaw = pose
     m.motion.vx, m.motion.vy, m.motion.yaw_rate = motion

@@ -110,8 +110,8 @@ class ServoResponse:
     def _best(self) -> Array:
         """Return the index of the chosen lag, with the dimensions of the scores."""
         best = np.argmin(self._scores, axis=0, keepdims=True)
-        least = np.take_along_axis(self._scores, best, axis=0)
-        return np.where(least < _BETTER * self._scores[:1], best, 0)
+        minimum = np.take_along_axis(self._scores, best, axis=0)
+        return np.where(minimum < _BETTER * self._scores[:1], best, 0)
 
 
 class _Constants(NamedTuple):

@@ -107,15 +107,15 @@ class WheelEvidence:
     def _update_range(self, commanded: Array, speeds: Array, torque: Array) -> None:
         """Update the range of the torque of each wheel since it stands."""
         turning = np.abs(speeds) > _STANDING * np.abs(commanded)
-        least, largest = self._range
-        np.fmin(least, torque, out=least)
+        minimum, largest = self._range
+        np.fmin(minimum, torque, out=minimum)
         np.fmax(largest, torque, out=largest)
-        least[turning], largest[turning] = np.inf, -np.inf
+        minimum[turning], largest[turning] = np.inf, -np.inf
 
     def _is_held(self, torque: Array) -> Array:
         """Return whether standing wheels are held by more than the floor."""
-        least, largest = self._range
-        is_moved = largest - least > _MIN_TORQUE_STANDING
+        minimum, largest = self._range
+        is_moved = largest - minimum > _MIN_TORQUE_STANDING
         is_strong = np.abs(torque) > np.minimum(self._transmitted, _STALLED)
         held: Array = is_strong | is_moved
         return held

@@ -165,12 +165,12 @@ class WheelCounts:
         passed = stamp_difference(after.report.stamp, before.report.stamp)
         if passed > after.at - before.at + _AHEAD:
             return f"the stamps of the motor board jump by {passed:.3g} s"
-        most = SPEED_MARGIN * self._fastest * passed + SLACK + 2.0 * self._unit
+        maximum = SPEED_MARGIN * self._fastest * passed + SLACK + 2.0 * self._unit
         for i, (now, then) in enumerate(
             zip(after.report.counts, before.report.counts, strict=True)
         ):
             angle = self._unit * abs(count_difference(now, then))
-            if angle > most:
+            if angle > maximum:
                 return (
                     f"the motor board reports that wheel {i} turned by {angle:.3g} rad in "
                     f"{passed:.3g} s, more than {SPEED_MARGIN:g} times its largest speed"

@@ -94,7 +94,7 @@ class DriveSettings:
         checked: dict[str, Any] = {}
         for name, value in values.items():
             if name not in known:
-                near = suggestion(name, known, most=len(known))
+                near = suggestion(name, known, maximum=len(known))
                 raise InvalidInput(f"{where}there is no parameter {short_repr(name)}{near}")
             if value is not None:
                 checked[name] = _checked(f"{where}{name}", value, hints[name])

@@ -1,6 +1,6 @@
 """Figures of a study, including those of the paper, and figures of fuzzy systems."""
 
-from omnidrive.evaluation.figures.catalogue import draw_figure, draw_figures, write_figures
+from omnidrive.evaluation.figures.catalogue import draw_figure, drawings, write_figures
 from omnidrive.evaluation.figures.control_surface import control_surface
 from omnidrive.evaluation.figures.membership import membership_figure
 from omnidrive.evaluation.figures.plan import path_figure, plan_figure
@@ -12,7 +12,7 @@ from omnidrive.evaluation.figures.style import save
 __all__ = [
     "control_surface",
     "draw_figure",
-    "draw_figures",
+    "drawings",
     "membership_figure",
     "path_figure",
     "plan_figure",

@@ -77,11 +77,11 @@ def _curve(
     at = np.linspace(variable.low, variable.high, 1001)
     rows = np.tile(point, (len(at), 1))
     rows[:, k] = at
-    value, least, greatest = inference.batch(rows)[:, :, o]
+    value, minimum, greatest = inference.batch(rows)[:, :, o]
     figure = new_figure(PAGE, 3.4)
     axes = figure.add_subplot()
     if inference.system.type > 1:
-        axes.fill_between(at, least, greatest, color=BLUE, alpha=0.2, lw=0.0,
+        axes.fill_between(at, minimum, greatest, color=BLUE, alpha=0.2, lw=0.0,
                           label="type-reduced interval")  # fmt: skip
         axes.plot(at, value, color=BLUE, label="midpoint")
         axes.legend(loc="best")

@@ -21,7 +21,7 @@ from omnidrive.evaluation.figures.style import (
 )
 from omnidrive.evaluation.metrics import START_PHASE, commanded_wheel_speeds
 from omnidrive.evaluation.palette import controller_styles
-from omnidrive.evaluation.results import StudyResults
+from omnidrive.evaluation.study_logs import StudyLogs
 from omnidrive.simulation import Run
 
 _WINDOW = 1.0  # s; of the moving mean of the wheel accelerations
@@ -37,32 +37,32 @@ class _Curve(NamedTuple):
     """Commanded wheel speeds, rad/s."""
 
 
-def effort(results: StudyResults) -> Figure | None:
+def effort(logs: StudyLogs) -> Figure | None:
     """Draw wheel speeds, wheel acceleration and work of the shortest, fastest tracking runs.
 
     The wheel speeds of the first 2 s, in which the robot accelerates, have a scale of their own.
     None: there are no runs of the tasks ``track`` and ``noise``.
     """
-    runs = results.select("track") or results.select("noise")
+    runs = logs.select("track") or logs.select("noise")
     if not runs:
         return None
     fastest = min(r.duration for r in runs)
     runs = tuple(r for r in runs if r.duration == fastest)
-    styles = controller_styles(results)
+    styles = controller_styles(logs)
     curves = []
     for k, r in enumerate(runs):
-        commands = commanded_wheel_speeds(r.run, results.robot.drive)
+        commands = commanded_wheel_speeds(r.log, logs.robot.drive)
         commands[-1] = np.nan
-        speeds = r.run.wheel_speed if r.run.wheel_speed.shape[1] else commands
-        style = curve_style(styles[r.controller], k, len(runs), len(r.run.t))
-        curves.append(_Curve(r.controller, style, r.run, speeds, commands))
-    wheels = len(results.robot.mounts)
+        speeds = r.log.wheel_speed if r.log.wheel_speed.shape[1] else commands
+        style = curve_style(styles[r.controller], k, len(runs), len(r.log.t))
+        curves.append(_Curve(r.controller, style, r.log, speeds, commands))
+    wheels = len(logs.robot.mounts)
     figure = new_figure(PAGE, 1.7 + 0.95 * wheels)
     panels = figure.subplots(
         wheels + 1, 2, width_ratios=(1.0, 1.6), height_ratios=[*([1.0] * wheels), 1.4]
     )
     for i in range(wheels):
-        _draw_wheel(panels[i], curves, i, results.robot.max_wheel_speed)
+        _draw_wheel(panels[i], curves, i, logs.robot.max_wheel_speed)
         if i < wheels - 1:
             panels[i, 0].tick_params(labelbottom=False)
             panels[i, 1].tick_params(labelbottom=False)

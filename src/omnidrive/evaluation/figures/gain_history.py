@@ -17,41 +17,39 @@ from omnidrive.evaluation.figures.style import (
     new_figure,
 )
 from omnidrive.evaluation.palette import ControllerStyle, controller_styles
-from omnidrive.evaluation.results import StepResult, StudyResults, TrackResult
+from omnidrive.evaluation.study_logs import RecordedRun, StudyLogs
 from omnidrive.evaluation.tuning import GAINS, INPUTS, TuningSignal, tuning_signals, unit_text
 
 
 class _History(NamedTuple):
-    result: TrackResult | StepResult
+    result: RecordedRun
     tuned: list[TuningSignal]
 
 
-def gain_history(results: StudyResults) -> Figure | None:
+def gain_history(logs: StudyLogs) -> Figure | None:
     """Draw the gains of the longest runs without noise; if none logs gains, of those with noise.
 
     None: no run logs gains.
     """
-    return _figure(
-        results, _histories(results.select("track")) or _histories(results.select("noise"))
-    )
+    return _figure(logs, _histories(logs.select("track")) or _histories(logs.select("noise")))
 
 
-def step_gain_history(results: StudyResults) -> Figure | None:
+def step_gain_history(logs: StudyLogs) -> Figure | None:
     """Draw the gains during the step responses, where errors and gain changes are large.
 
     None: no run logs gains.
     """
-    return _figure(results, _histories(results.steps))
+    return _figure(logs, _histories(logs.select("step")))
 
 
-def _figure(results: StudyResults, histories: list[_History]) -> Figure | None:
+def _figure(logs: StudyLogs, histories: list[_History]) -> Figure | None:
     """Draw one row per gain and per fuzzy input, and one column per channel; None: no runs."""
     if not histories:
         return None
     signals = [each for history in histories for each in history.tuned]
     quantities = [q for q in (*GAINS, *INPUTS) if any(each.quantity == q for each in signals)]
     channels = list(dict.fromkeys(each.channel for each in signals))
-    styles = controller_styles(results)
+    styles = controller_styles(logs)
     width = PAGE if len(channels) > 1 else COLUMN
     figure = new_figure(width, 0.9 + 1.25 * len(quantities))
     panels = figure.subplots(
@@ -71,20 +69,15 @@ def _figure(results: StudyResults, histories: list[_History]) -> Figure | None:
     drawn = [axes for axes in panels.flat if axes.lines]
     # the legend of the panel with the most curves
     legend_above(figure, max(drawn, key=lambda axes: len(axes.get_legend_handles_labels()[1])))
-    figure.supxlabel(_caption(histories, results.repeats), fontsize=7, color=MUTED)
+    figure.supxlabel(_caption(histories, logs.repeats), fontsize=7, color=MUTED)
     return figure
 
 
-def _histories(runs: Sequence[TrackResult | StepResult]) -> list[_History]:
+def _histories(runs: Sequence[RecordedRun]) -> list[_History]:
     """Return the longest of the runs that log gains: several if their durations are equal."""
-    logged = [h for h in (_History(r, tuning_signals(r.run)) for r in runs) if h.tuned]
-    longest = max((_seconds(history.result) for history in logged), default=0.0)
-    return [history for history in logged if _seconds(history.result) == longest]
-
-
-def _seconds(result: TrackResult | StepResult) -> float:
-    """Return the duration of a tracking run in s; 0 for step responses, which are all drawn."""
-    return result.duration if isinstance(result, TrackResult) else 0.0
+    logged = [h for h in (_History(r, tuning_signals(r.log)) for r in runs) if h.tuned]
+    longest = max((history.result.duration for history in logged), default=0.0)
+    return [history for history in logged if history.result.duration == longest]
 
 
 def _draw(
@@ -98,8 +91,8 @@ def _draw(
     for k, (result, tuned) in enumerate(histories):
         for each in tuned:
             if (each.quantity, each.channel) == (quantity, channel):
-                style = curve_style(styles[result.controller], k, len(histories), len(result.run.t))
-                axes.step(result.run.t, each.values, where="post", label=result.controller, **style)
+                style = curve_style(styles[result.controller], k, len(histories), len(result.log.t))
+                axes.step(result.log.t, each.values, where="post", label=result.controller, **style)
     axes.margins(x=0.0)
     axes.ticklabel_format(axis="y", useOffset=False)
     low, high = axes.get_ylim()
@@ -114,9 +107,9 @@ def _title(channel: str) -> str:
 def _caption(histories: list[_History], repeats: int) -> str:
     """Return a description of the runs and the quantities."""
     result = histories[0].result
-    if isinstance(result, StepResult):
+    if result.task == "step":
         what = "Step response"
-    elif result.noise:
+    elif result.task == "noise":
         what = f"{result.duration:g} s with noise" + (
             f", first of {repeats} seeds" if repeats > 1 else ""
         )

@@ -115,9 +115,9 @@ def membership_figure(
     return figure
 
 
-def truncate(name: str, most: int = 16) -> str:
-    """Truncate a name to at most ``most`` characters."""
-    return name if len(name) <= most else name[: most - 1] + "…"
+def truncate(name: str, maximum: int = 16) -> str:
+    """Truncate a name to at most ``maximum`` characters."""
+    return name if len(name) <= maximum else name[: maximum - 1] + "…"
 
 
 def draw_sets(axes: Axes, variable: InputVariable | OutputVariable, width: float) -> None:

@@ -2,45 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
 
 from matplotlib.figure import Figure
 
 from omnidrive.errors import InvalidInput
-from omnidrive.evaluation.figures.catalogue import draw_figure
+from omnidrive.evaluation.figures.catalogue import Drawing, draw_figure
 from omnidrive.evaluation.figures.plan import path_figure
 from omnidrive.evaluation.figures.run import run_figure
-from omnidrive.evaluation.results import StudyResults
 from omnidrive.planning import Plan
 from omnidrive.simulation import Run
 
 
 @runtime_checkable
-class HasResults(Protocol):
-    """Object with the results of a study, such as :class:`omnidrive.study.Study`."""
+class HasFigures(Protocol):
+    """Object with figures, such as :class:`omnidrive.study.Study`."""
 
     @property
-    def results(self) -> StudyResults:
-        """Results of its runs."""
+    def figures(self) -> Mapping[str, Drawing]:
+        """Figures by the stems of their files."""
         ...
 
 
-def plot(shown: Run | Plan | HasResults, figure: str | None = None) -> Figure:
+def plot(shown: Run | Plan | HasFigures, figure: str | None = None) -> Figure:
     """Return a figure of matplotlib.
 
     Args:
         shown: A run: path, position error and heading error; a plan: the map with the path, and
             curvature and clearance along it; a study: ``figure``.
         figure: Name of the figure of a study: that of its file in the folder ``figures`` of a run
-            folder, such as xy_comparison, heading_comparison, step_response or noise_differences.
+            folder, such as xy_comparison, heading_comparison, step_response or pairs.
             None: the first that compares runs.
 
     Raises:
         InvalidInput: There is no such figure, the study has no runs for it, or the object is
             another one.
     """
-    if isinstance(shown, HasResults):
-        return draw_figure(shown.results, figure)
+    if isinstance(shown, HasFigures):
+        return draw_figure(shown.figures, figure)
     if figure is not None:
         raise InvalidInput(f"only a study has several figures, got figure={figure!r}")
     if isinstance(shown, Plan):

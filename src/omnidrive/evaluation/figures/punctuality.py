@@ -48,8 +48,8 @@ def punctuality_figure(
 def _histogram(axes: Axes, times: Float[Array, " samples"], dt: float) -> None:
     """Draw a histogram of times, s, over a logarithmic axis in ms."""
     values = np.maximum(1e3 * times, _MIN)
-    most = max(2e3 * dt, float(values.max(initial=0.0)))
-    axes.hist(values, bins=np.geomspace(_MIN, 1.01 * most, _BINS).tolist(), color=BLUE)
+    maximum = max(2e3 * dt, float(values.max(initial=0.0)))
+    axes.hist(values, bins=np.geomspace(_MIN, 1.01 * maximum, _BINS).tolist(), color=BLUE)
     axes.axvline(1e3 * dt, color=DARK, ls=DASHED, lw=1.0, label="sample time")
     if times.size:
         p99 = max(1e3 * float(np.percentile(times, 99)), _MIN)

@@ -154,12 +154,12 @@ def _draw_antecedent(
     at = sample_points(variable)
     for term in used:
         low, high = _degrees(inference, variable, term, at)
-        (least,), (most,) = _degrees(inference, variable, term, np.array([value]))
+        (minimum,), (maximum,) = _degrees(inference, variable, term, np.array([value]))
         axes.plot(at, high, color=_INPUT, lw=1.0)
-        axes.fill_between(at, np.minimum(high, most), color=_INPUT, alpha=0.18, lw=0.0)
+        axes.fill_between(at, np.minimum(high, maximum), color=_INPUT, alpha=0.18, lw=0.0)
         if inference.system.type > 1:
             axes.plot(at, low, color=_INPUT, lw=0.7, ls=(0, (3, 1.5)))
-            axes.fill_between(at, np.minimum(low, least), color=_INPUT, alpha=0.3, lw=0.0)
+            axes.fill_between(at, np.minimum(low, minimum), color=_INPUT, alpha=0.3, lw=0.0)
     axes.axvline(value, color=_VALUE, lw=1.0)
     _name(axes, " / ".join(_term_text(term) for term in used[:2]) or "—")
     axes.set_xlim(variable.low, variable.high)
@@ -243,8 +243,8 @@ def _span(
 ) -> tuple[float, float]:
     """Return the range of a Sugeno output, extended to the values of its functions."""
     functions = [each for each in variable.sets if isinstance(each, LinearFunction)]
-    results = [_value_of(each, values) for each in functions]
-    low, high = min([variable.low, *results]), max([variable.high, *results])
+    logs = [_value_of(each, values) for each in functions]
+    low, high = min([variable.low, *logs]), max([variable.high, *logs])
     return low - 0.04 * (high - low), high + 0.04 * (high - low)
 
 
@@ -253,7 +253,7 @@ def _draw_results(
 ) -> None:
     """Draw the aggregated output of each output variable, and its value."""
     system = inference.system
-    value, least, greatest = inference.batch(np.array([x]))[:, 0]
+    value, minimum, greatest = inference.batch(np.array([x]))[:, 0]
     aggregated = () if system.is_sugeno else aggregated_outputs(inference, *x)
     fired = inference.fired_rules(*x)
     for o, axes in enumerate(panels):
@@ -270,11 +270,11 @@ def _draw_results(
             _draw_area(axes, (lower[0], lower[1]), (upper[0], upper[1]), uncertain=system.type > 1)
             axes.set_xlim(variable.low, variable.high)
         if system.type > 1:
-            axes.axvspan(least[o], greatest[o], color=_VALUE, alpha=0.18, lw=0.0)
+            axes.axvspan(minimum[o], greatest[o], color=_VALUE, alpha=0.18, lw=0.0)
         axes.axvline(value[o], color=_VALUE, lw=1.3)
         text = f"{value[o]:.5g}"
         if system.type > 1:
-            text += f"\n[{least[o]:.4g}, {greatest[o]:.4g}]"
+            text += f"\n[{minimum[o]:.4g}, {greatest[o]:.4g}]"
         axes.set_xlabel(text, color=_VALUE, fontsize=7.5, fontweight="bold")
 
 

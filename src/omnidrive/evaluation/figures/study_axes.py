@@ -17,9 +17,9 @@ from omnidrive.arrays import Array
 from omnidrive.evaluation.evidence import LevelEvidence, StudyEvidence
 from omnidrive.evaluation.figures.style import DARK, PAGE, legend_above, new_figure, set_log_scale
 from omnidrive.evaluation.palette import ControllerStyle
-from omnidrive.evaluation.study_answer import TaskAnswer
 from omnidrive.evaluation.table import level_text, number_text
 from omnidrive.evaluation.variance_shares import variance_shares
+from omnidrive.evaluation.verdict import TaskVerdict
 
 _MAX_COLUMNS = 3  # tasks in one figure of curves
 _MAX_MAPS = 8  # controllers in one figure of heat maps
@@ -30,16 +30,16 @@ _WIDTH = 0.5  # of the points of all controllers at one category
 
 def axis_curves(
     study: StudyEvidence,
-    answers: Sequence[TaskAnswer],
+    verdicts: Sequence[TaskVerdict],
     styles: Mapping[str, ControllerStyle],
     path: str,
 ) -> Figure | None:
     """Draw mean with interval, and success rate if a run failed, along one axis."""
     shown = []
-    for answer in answers:
-        levels = study.along(answer.evidence.measure.name, path).get(answer.evidence.task, [])
+    for verdict in verdicts:
+        levels = study.along(verdict.evidence.measure.name, path).get(verdict.evidence.task, [])
         if len(levels) > 1:
-            shown.append((answer, levels))
+            shown.append((verdict, levels))
     shown = shown[:_MAX_COLUMNS]
     if not shown:
         return None
@@ -48,10 +48,10 @@ def axis_curves(
     figure = new_figure(PAGE, 3.7 if lost else 2.5)
     panels = figure.subplots(1 + lost, len(shown), squeeze=False, sharex="col",
                              height_ratios=(2.2, 1.0) if lost else (1.0,))  # fmt: skip
-    for column, (answer, levels) in enumerate(shown):
+    for column, (verdict, levels) in enumerate(shown):
         _curves(panels[0, column], levels, styles)
-        panels[0, column].set_title(answer.evidence.task.label)
-        panels[0, column].set_ylabel(answer.evidence.measure.axis_label)
+        panels[0, column].set_title(verdict.evidence.task.label)
+        panels[0, column].set_ylabel(verdict.evidence.measure.axis_label)
         if lost:
             _success(panels[1, column], levels, styles, labelled=column == 0)
         panels[-1, column].set_xlabel(path)
@@ -136,19 +136,19 @@ def _success(
         axes.set_ylabel("finished in %")
 
 
-def heat_maps(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> Figure | None:
+def heat_maps(study: StudyEvidence, verdicts: Sequence[TaskVerdict]) -> Figure | None:
     """Draw the mean over the two axes with the largest variance shares, a map per controller."""
-    for answer in answers:
-        evidence, runs = answer.evidence, study.runs
+    for verdict in verdicts:
+        evidence, runs = verdict.evidence, study.runs
         shares = variance_shares(runs, evidence.measure.name, evidence.task)
         paths = [each.factor for each in shares if each.factor in runs.axes][:2]
         if len(paths) == 2:
-            return _heat_maps(study, answer, paths[0], paths[1])
+            return _heat_maps(study, verdict, paths[0], paths[1])
     return None
 
 
-def _heat_maps(study: StudyEvidence, answer: TaskAnswer, across: str, up: str) -> Figure:
-    evidence, runs = answer.evidence, study.runs
+def _heat_maps(study: StudyEvidence, verdict: TaskVerdict, across: str, up: str) -> Figure:
+    evidence, runs = verdict.evidence, study.runs
     values = runs.values(evidence.measure.name) * evidence.measure.factor
     rows = (runs.task == runs.tasks.index(evidence.task)) & np.isfinite(values)
     (x_levels, x), (y_levels, y) = (_used_levels(runs, path, rows) for path in (across, up))
@@ -217,19 +217,19 @@ def _ticks(axes: Axes, x_levels: Sequence[Any], y_levels: Sequence[Any]) -> None
         axes.tick_params(axis="x", rotation=30)
 
 
-def share_bars(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> Figure | None:
+def share_bars(study: StudyEvidence, verdicts: Sequence[TaskVerdict]) -> Figure | None:
     """Draw the variance shares of all factors with their intervals, a panel per task."""
     found = [
         (each, variance_shares(study.runs, each.evidence.measure.name, each.evidence.task))
-        for each in answers
+        for each in verdicts
     ]
     found = [(each, shares) for each, shares in found if len(shares) > 1][:_MAX_COLUMNS]
     if not found:
         return None
-    most = max(len(shares) for _, shares in found)
-    figure = new_figure(PAGE, 0.9 + 0.22 * most)
+    maximum = max(len(shares) for _, shares in found)
+    figure = new_figure(PAGE, 0.9 + 0.22 * maximum)
     panels = figure.subplots(1, len(found), squeeze=False)[0]
-    for axes, (answer, shares) in zip(panels, found, strict=True):
+    for axes, (verdict, shares) in zip(panels, found, strict=True):
         rows = range(len(shares))
         axes.barh(rows, [100.0 * s.share for s in shares], color="#56b4e9", height=0.62)
         for row, each in enumerate(shares):
@@ -240,5 +240,5 @@ def share_bars(study: StudyEvidence, answers: Sequence[TaskAnswer]) -> Figure | 
         axes.set_xlim(0.0, 100.0)
         axes.grid(visible=False, axis="y")
         axes.set_xlabel("share of the variance in %")
-        axes.set_title(f"{answer.evidence.measure.label}, {answer.evidence.task.label}")
+        axes.set_title(f"{verdict.evidence.measure.label}, {verdict.evidence.task.label}")
     return figure

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.figures.style import MUTED, PAGE, legend_above, new_figure, set_log_scale
 from omnidrive.evaluation.palette import ControllerStyle
-from omnidrive.evaluation.study_answer import TaskAnswer
 from omnidrive.evaluation.uncertainty import MeanEstimate
+from omnidrive.evaluation.verdict import TaskVerdict
 
 TIME = "step_time_median"
 """Metric of the computing time."""
@@ -31,15 +31,15 @@ class CostPoint(NamedTuple):
     """Mean of the compared quantity, in its stored unit."""
 
 
-def cost_points(study: StudyEvidence, answer: TaskAnswer) -> list[CostPoint]:
+def cost_points(study: StudyEvidence, verdict: TaskVerdict) -> list[CostPoint]:
     """Return time and error of every controller that has both; empty without times."""
     if TIME not in study.runs.metrics:
         return []
-    task = answer.evidence.task
+    task = verdict.evidence.task
     times = {s.controller: s.mean for e in study.of(TIME) if e.task == task for s in e.summaries}
     points = [
         CostPoint(s.controller, times[s.controller], s.mean)
-        for s in answer.evidence.ranking
+        for s in verdict.evidence.ranking
         if s.controller in times
     ]
     return [each for each in points if isfinite(each.time.mean) and each.time.mean > 0.0]
@@ -56,28 +56,28 @@ def pareto_front(points: Sequence[CostPoint], *, lower_is_better: bool = True) -
 
 
 def error_and_time(
-    study: StudyEvidence, answers: Sequence[TaskAnswer], styles: Mapping[str, ControllerStyle]
+    study: StudyEvidence, verdicts: Sequence[TaskVerdict], styles: Mapping[str, ControllerStyle]
 ) -> Figure | None:
     """Draw the means with their intervals, and the Pareto front, a panel per task."""
-    shown = [(each, cost_points(study, each)) for each in answers]
+    shown = [(each, cost_points(study, each)) for each in verdicts]
     shown = [(each, points) for each, points in shown if len(points) > 1][:_MAX_PANELS]
     if not shown:
         return None
     figure = new_figure(PAGE, 2.8)
     panels = figure.subplots(1, len(shown), squeeze=False)[0]
-    for axes, (answer, points) in zip(panels, shown, strict=True):
-        _panel(axes, answer, points, styles)
+    for axes, (verdict, points) in zip(panels, shown, strict=True):
+        _panel(axes, verdict, points, styles)
     legend_above(figure, panels[0])
     return figure
 
 
 def _panel(
     axes: Axes,
-    answer: TaskAnswer,
+    verdict: TaskVerdict,
     points: Sequence[CostPoint],
     styles: Mapping[str, ControllerStyle],
 ) -> None:
-    measure = answer.evidence.measure
+    measure = verdict.evidence.measure
     front = pareto_front(points, lower_is_better=measure.lower_is_better)
     axes.plot(
         [p.time.mean for p in front], [measure.factor * p.error.mean for p in front],
@@ -98,4 +98,4 @@ def _panel(
     axes.margins(x=0.1, y=0.1)
     axes.set_xlabel("computing time of a step in µs")
     axes.set_ylabel(measure.axis_label)
-    axes.set_title(answer.evidence.task.label)
+    axes.set_title(verdict.evidence.task.label)

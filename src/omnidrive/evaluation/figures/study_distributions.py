@@ -17,14 +17,16 @@ from omnidrive.evaluation.evidence import (
     WORSE,
     PairEvidence,
     StudyEvidence,
+    TaskEvidence,
 )
 from omnidrive.evaluation.figures.style import DARK, MUTED, PAGE, new_figure, set_log_scale
 from omnidrive.evaluation.palette import ControllerStyle
-from omnidrive.evaluation.study_answer import TaskAnswer
+from omnidrive.evaluation.verdict import TaskVerdict
 
 MAX_PANELS = 6
 """Largest number of tasks in one figure."""
 
+_NOISE_ERRORS = ("me_measured", "mae", "mae_measured")
 _BINS = 60
 _LOG_RATIO = 30.0  # ratio of the largest to the smallest value from which an axis is logarithmic
 _COLOURS = {BETTER: "#0072b2", WORSE: "#d55e00", NO_DIFFERENCE: MUTED}
@@ -32,10 +34,10 @@ _ALL_PAIRS = 4  # controllers up to which all pairs are drawn, not only those wi
 
 
 def distributions(
-    study: StudyEvidence, answers: Sequence[TaskAnswer], styles: Mapping[str, ControllerStyle]
+    study: StudyEvidence, verdicts: Sequence[TaskVerdict], styles: Mapping[str, ControllerStyle]
 ) -> Figure | None:
     """Draw one panel per task: density, quartiles and percentiles of every controller."""
-    shown = [each for each in answers[:MAX_PANELS] if each.evidence.ranking]
+    shown = [each for each in verdicts[:MAX_PANELS] if each.evidence.ranking]
     if not shown:
         return None
     rows = max(len(each.evidence.ranking) for each in shown)
@@ -43,17 +45,17 @@ def distributions(
     lines = -(-len(shown) // columns)
     figure = new_figure(PAGE, lines * (0.75 + 0.36 * rows))
     panels = figure.subplots(lines, columns, squeeze=False)
-    for axes, answer in zip(panels.flat, shown, strict=False):
-        _panel(axes, study, answer, styles)
+    for axes, verdict in zip(panels.flat, shown, strict=False):
+        _panel(axes, study, verdict, styles)
     for axes in panels.flat[len(shown) :]:
         axes.axis("off")
     return figure
 
 
 def _panel(
-    axes: Axes, study: StudyEvidence, answer: TaskAnswer, styles: Mapping[str, ControllerStyle]
+    axes: Axes, study: StudyEvidence, verdict: TaskVerdict, styles: Mapping[str, ControllerStyle]
 ) -> None:
-    evidence, runs = answer.evidence, study.runs
+    evidence, runs = verdict.evidence, study.runs
     values = runs.values(evidence.measure.name) * evidence.measure.factor
     of_task = (runs.task == runs.tasks.index(evidence.task)) & np.isfinite(values)
     names = [each.controller for each in evidence.ranking]
@@ -92,35 +94,41 @@ def _ridge(
     axes.plot(median, base, "o", color="white", mec=DARK, mew=0.8, ms=3.6, zorder=4)
 
 
-def paired_intervals(answers: Sequence[TaskAnswer]) -> Figure | None:
-    """Draw the paired differences with their intervals, one panel per task."""
-    shown = [(each, _drawn_pairs(each)) for each in answers[:MAX_PANELS]]
+def paired_intervals(study: StudyEvidence, verdicts: Sequence[TaskVerdict]) -> Figure | None:
+    """Draw the paired differences with their intervals, one panel per task and quantity.
+
+    Quantities are the compared one, and with noise also the other errors.
+    """
+    every = [each.evidence for each in verdicts]
+    also = [name for name in _NOISE_ERRORS if name in study.runs.metrics]
+    for task in [each.task for each in every if each.task.name == "noise"]:
+        every += [each for name in also for each in study.of(name) if each.task == task]
+    found = {(each.task, each.measure): each for each in every}
+    shown = [(each, _drawn_pairs(each)) for each in list(found.values())[:MAX_PANELS]]
     shown = [(each, pairs) for each, pairs in shown if pairs]
     if not shown:
         return None
     heights = [0.5 + 0.24 * len(pairs) for _, pairs in shown]
     figure = new_figure(PAGE, sum(heights) + 0.4 * len(shown))
     panels = figure.subplots(len(shown), 1, squeeze=False, height_ratios=heights)[:, 0]
-    for axes, (answer, pairs) in zip(panels, shown, strict=True):
-        _forest(axes, answer, pairs)
+    for axes, (evidence, pairs) in zip(panels, shown, strict=True):
+        _forest(axes, evidence, pairs)
     return figure
 
 
-def _drawn_pairs(answer: TaskAnswer) -> list[PairEvidence]:
+def _drawn_pairs(evidence: TaskEvidence) -> list[PairEvidence]:
     """Return the pairs with an interval: the better controller first, in the ranking's order."""
-    names = [each.controller for each in answer.evidence.ranking]
+    names = [each.controller for each in evidence.ranking]
     firsts = names if len(names) <= _ALL_PAIRS else names[:1]
     pairs = [
-        answer.evidence.pair(first, second)
-        for k, first in enumerate(firsts)
-        for second in names[k + 1 :]
+        evidence.pair(first, second) for k, first in enumerate(firsts) for second in names[k + 1 :]
     ]
     return [pair for pair in pairs if pair and isfinite(pair.difference.margin)]
 
 
-def _forest(axes: Axes, answer: TaskAnswer, pairs: list[PairEvidence]) -> None:
+def _forest(axes: Axes, evidence: TaskEvidence, pairs: list[PairEvidence]) -> None:
     """Draw one line per pair, with its numbers at the right."""
-    measure = answer.evidence.measure
+    measure = evidence.measure
     numbers = axes.secondary_yaxis("right")
     texts = []
     for row, pair in enumerate(pairs):
@@ -140,4 +148,4 @@ def _forest(axes: Axes, answer: TaskAnswer, pairs: list[PairEvidence]) -> None:
         each.tick_params(axis="y", length=0.0)
     axes.grid(visible=False, axis="y")
     axes.set_xlabel(f"difference of {measure.axis_label}")
-    axes.set_title(answer.evidence.task.label)
+    axes.set_title(evidence.task.label)

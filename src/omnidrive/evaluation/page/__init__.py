@@ -1,6 +1,6 @@
 """HTML report of a study: one self-contained file with playback, charts and tables."""
 
 from omnidrive.evaluation.page.markup import PageFigure
-from omnidrive.evaluation.page.writer import page_text, write_page
+from omnidrive.evaluation.page.report import StudyPage
 
-__all__ = ["PageFigure", "page_text", "write_page"]
+__all__ = ["PageFigure", "StudyPage"]

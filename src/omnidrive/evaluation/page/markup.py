@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import re
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from math import atan2, degrees
 from typing import NamedTuple
 
-from omnidrive.evaluation.results import StudyResults
-from omnidrive.evaluation.table import Table
-from omnidrive.evaluation.verdict import Verdict, headline, limit_notes, verdicts
+from omnidrive.evaluation.study_logs import StudyLogs
+from omnidrive.evaluation.table import NO_VALUE, Table
+from omnidrive.evaluation.verdict import TaskVerdict
 from omnidrive.robot import Robot
+
+_SHOWN_SENTENCES = 3  # of a card; the others are in a fold
 
 
 class PageFigure(NamedTuple):
@@ -24,9 +26,9 @@ class PageFigure(NamedTuple):
     """Content of an SVG file."""
 
 
-def tables_markup(tables: Sequence[Table], *, first: int = 0) -> str:
-    """Return the HTML of all tables, one section each; ``first`` is the number in the first id."""
-    return "\n".join(_table(k, table) for k, table in enumerate(tables, first))
+def tables_markup(tables: Sequence[Table]) -> str:
+    """Return the HTML of all tables, one section each."""
+    return "\n".join(_table(k, table) for k, table in enumerate(tables))
 
 
 def figures_markup(figures: Sequence[PageFigure]) -> str:
@@ -55,62 +57,80 @@ def _unbroken_options(markup: str) -> str:
     return re.sub(r"--[a-z][a-z-]*(?: \d+)?", r'<span class="option">\g<0></span>', markup)
 
 
-def verdict_markup(results: StudyResults) -> str:
-    """Return the best controller of each task as cards; empty if nothing is compared."""
-    found = verdicts(results)
-    if not found:
-        return ""
-    cards = "\n".join(map(_card, found))
-    lead = " ".join([*headline(found), *limit_notes(results)])
+def verdict_markup(verdicts: Sequence[TaskVerdict], lead: str) -> str:
+    """Return the best controller of each task as cards, below the sentences of the verdict."""
+    cards = "\n".join(map(_card, verdicts))
     return (
         '<section class="verdict" aria-labelledby="verdict-title">\n'
-        '<h2 id="verdict-title" class="unseen">Verdict</h2>\n'
+        '<h2 id="verdict-title">Verdict</h2>\n'
         f'<p class="lead">{_unbroken_options(escape(lead))}</p>\n'
         f'<ul class="cards">\n{cards}\n</ul>\n</section>'
     )
 
 
-def _card(verdict: Verdict) -> str:
-    """Return the list item of one task: best controller, value, advantage and cost."""
-    best = verdict.best
-    lines = [
-        verdict.value_text(best), verdict.advantage_text, verdict.confidence_text, best.cost_text,
-    ]  # fmt: skip
-    text = "".join(f"<span>{escape(line)}</span>" for line in lines if line)
-    name = escape(best.name)
-    return (
-        f'<li class="card"><b class="task">{escape(verdict.name)}</b>'
-        f'<strong><i class="swatch" data-controller="{name}"></i>{name}</strong>{text}</li>'
+def _card(verdict: TaskVerdict) -> str:
+    """Return the list item of one task: best controllers, value, comparisons and cost."""
+    best = "".join(
+        f'<strong><i class="swatch" data-controller="{escape(name)}"></i>{escape(name)}</strong>'
+        for name in verdict.best
     )
+    lines = [NO_VALUE]
+    if verdict.leader is not None:
+        lines = [
+            verdict.value_text(verdict.leader),
+            verdict.advantage,
+            "" if verdict.sentences else verdict.confidence,
+            str(verdict.costs.get(verdict.leader.controller, "")),
+        ]
+    text = "".join(f"<span>{escape(line)}</span>" for line in lines if line)
+    name = f'<b class="task">{escape(verdict.name)}</b>'
+    return f'<li class="card">{name}{best}{text}{_sentences(verdict)}</li>'
 
 
-def facts_markup(results: StudyResults) -> str:
-    """Return robot, plant, map and path as the items of a description list."""
-    robot, grid = results.robot, results.obstacles
-    rows, cols = grid.occupied.shape
-    facts = {
-        "Robot": f"{robot.name}: {robot.mass:g} kg, R = {robot.effective_radius:.4g} m, "
-        f"r = {robot.wheel.radius:.4g} m, {_wheels(robot)}",
-        "Plant": results.plant,
-        "Sample time": f"{results.dt:g} s",
-        "Map": f"{cols * grid.resolution:.4g} m by {rows * grid.resolution:.4g} m, "
-        f"planning grid {results.free_space.resolution:g} m"
-        if grid.walled or grid.occupied.any()
-        else "open floor",
-        "Path": _path(results),
-    }
+def _sentences(verdict: TaskVerdict) -> str:
+    """Return the tested comparisons as a list; many are in a fold."""
+    every = [f"<li>{escape(sentence)}</li>" for sentence in verdict.sentences]
+    shown, rest = every[:_SHOWN_SENTENCES], every[_SHOWN_SENTENCES:]
+    more = (
+        f'<details><summary>{len(rest)} more</summary><ul class="sentences">{"".join(rest)}</ul>'
+        "</details>"
+        if rest
+        else ""
+    )
+    return f'<ul class="sentences">{"".join(shown)}</ul>{more}' if shown else ""
+
+
+def items_markup(facts: Mapping[str, str]) -> str:
+    """Return facts as the items of a description list."""
     return "\n".join(
         f"<div><dt>{escape(name)}</dt><dd>{escape(fact)}</dd></div>" for name, fact in facts.items()
     )
 
 
-def _path(results: StudyResults) -> str:
+def log_facts(logs: StudyLogs) -> dict[str, str]:
+    """Return robot, plant, map and path of logs."""
+    robot, grid = logs.robot, logs.obstacles
+    rows, cols = grid.occupied.shape
+    return {
+        "Robot": f"{robot.name}: {robot.mass:g} kg, R = {robot.effective_radius:.4g} m, "
+        f"r = {robot.wheel.radius:.4g} m, {_wheels(robot)}",
+        "Plant": logs.plant,
+        "Sample time": f"{logs.dt:g} s",
+        "Map": f"{cols * grid.resolution:.4g} m by {rows * grid.resolution:.4g} m, "
+        f"planning grid {logs.free_space.resolution:g} m"
+        if grid.walled or grid.occupied.any()
+        else "open floor",
+        "Path": _path(logs),
+    }
+
+
+def _path(logs: StudyLogs) -> str:
     """Return the length of the path and, if it is planned, that of the grid path."""
-    if results.grid_path is None:
-        return f"{results.spline.length:.2f} m"
+    if logs.grid_path is None:
+        return f"{logs.spline.length:.2f} m"
     return (
-        f"{results.spline.length:.2f} m smoothed; grid path "
-        f"{results.grid_path.length:.2f} m, {len(results.grid_path.poses)} cells"
+        f"{logs.spline.length:.2f} m smoothed; grid path "
+        f"{logs.grid_path.length:.2f} m, {len(logs.grid_path.poses)} cells"
     )
 
 
@@ -133,9 +153,10 @@ def _table(k: int, table: Table) -> str:
         t for t in ("Bold: best in its column." if table.best else "", table.footnote) if t
     )
     note = f'<p class="note">{escape(text)}</p>' if text else ""
+    lead = f'<p class="lead">{escape(table.lead)}</p>\n' if table.lead else ""
     return (
         f'<section class="card table-card">\n'
-        f'<h3 id="table-{k}">{escape(table.title)}</h3>\n'
+        f'<h3 id="table-{k}">{escape(table.title)}</h3>\n{lead}'
         f'<div class="scroll" tabindex="0" role="region" aria-labelledby="table-{k}">\n'
         f'<table aria-labelledby="table-{k}"><thead><tr>{head}</tr></thead>\n'
         f"<tbody>\n{body}\n</tbody></table></div>{note}\n</section>"

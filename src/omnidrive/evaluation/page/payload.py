@@ -10,11 +10,9 @@ from jaxtyping import Int, Num
 
 from omnidrive.arrays import Array
 from omnidrive.evaluation.palette import ControllerStyle, controller_styles, horizon_styles
-from omnidrive.evaluation.results import (
-    FaultResult,
-    StepResult,
-    StudyResults,
-    TrackResult,
+from omnidrive.evaluation.study_logs import (
+    RecordedRun,
+    StudyLogs,
 )
 from omnidrive.evaluation.tuning import INPUTS, tuning_signals, unit_text
 from omnidrive.maps import OccupancyGrid
@@ -26,30 +24,28 @@ _TASKS = {"track": "Track", "noise": "Noise", "horizon": "Horizons"}
 _SPLINE_POINTS = 600
 
 
-def payload(results: StudyResults) -> str:
+def payload(logs: StudyLogs) -> str:
     """Return the JSON data, safe inside a script element: every ``<`` is escaped.
 
     Lengths in m, angles in rad, times in s. Wheels in B; poses, paths and the map in W. True and
     target poses are rounded to 1e-8, other columns to 1e-5; a value in a column that is not finite
     becomes null.
     """
-    spline = results.spline.poses(np.linspace(0.0, 1.0, _SPLINE_POINTS))
+    spline = logs.spline.poses(np.linspace(0.0, 1.0, _SPLINE_POINTS))
     data = {
-        "dt": results.dt,
+        "dt": logs.dt,
         "robot": {
-            "bodyRadius": results.robot.body_radius,
-            "wheelRadius": results.robot.wheel.radius,
+            "bodyRadius": logs.robot.body_radius,
+            "wheelRadius": logs.robot.wheel.radius,
             "wheels": [
                 {"x": m.x, "y": m.y, "axle": m.axle_angle, "roller": m.roller_angle}
-                for m in results.robot.mounts
+                for m in logs.robot.mounts
             ],
         },
-        "map": _map(results.obstacles, results.free_space),
-        "cells": [
-            _column(results.grid_path.poses[:, i]) if results.grid_path else [] for i in (0, 1)
-        ],
+        "map": _map(logs.obstacles, logs.free_space),
+        "cells": [_column(logs.grid_path.poses[:, i]) if logs.grid_path else [] for i in (0, 1)],
         "spline": [_column(spline[:, i]) for i in (0, 1)],
-        "groups": _groups(results),
+        "groups": _groups(logs),
     }
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")
@@ -77,35 +73,36 @@ def _run_lengths(kinds: Int[Array, " cells"]) -> list[int]:
     return flat
 
 
-def _groups(results: StudyResults) -> list[dict[str, Any]]:
+def _groups(logs: StudyLogs) -> list[dict[str, Any]]:
     """Return the groups of runs: by task and duration, then the step responses and faults."""
-    styles = controller_styles(results)
-    keys = dict.fromkeys((r.task, r.duration) for r in results.tracks)
+    styles = controller_styles(logs)
+    keys = dict.fromkeys((r.task, r.duration) for r in logs.select(*_TASKS))
     groups = []
     for task, duration in sorted(keys, key=lambda key: (list(_TASKS).index(key[0]), key[1])):
-        runs = results.select(task, duration=duration)
+        runs = logs.select(task, duration=duration)
         if task == "horizon":
-            runs = tuple(sorted(runs, key=lambda r: (r.horizon or 0, r.controller)))
+            runs = tuple(sorted(runs, key=lambda r: (r.horizon, r.controller)))
             encoded = [
-                _run(r.run, f"{r.controller}, N = {r.horizon}", f"N = {r.horizon}", style)
+                _run(r.log, f"{r.controller}, N = {r.horizon}", f"N = {r.horizon}", style)
                 for r, style in zip(runs, horizon_styles(len(runs)), strict=True)
             ]
         else:
             encoded = [_controller(r, styles) for r in runs]
         name = f"{_TASKS[task]} {duration:g} s"
-        seeds = len({r.repeat for r in results.select(task, duration=duration, repeat=None)})
-        name += f", first of {seeds} seeds" if seeds > 1 else ""
-        groups.append(_group(f"{task}-{duration:g}", name, [r.run for r in runs], encoded))
-    if results.steps:
-        step_runs = [r.run for r in results.steps]
-        encoded = [_controller(r, styles) for r in results.steps]
-        groups.append(_group("step", "Step response", step_runs, encoded))
-    for number in dict.fromkeys(sorted(r.number for r in results.faults)):
-        of_fault = [r for r in results.faults if r.number == number]
-        fault = of_fault[0].fault
+        if task == "noise" and logs.repeats > 1:
+            name += f", first of {logs.repeats} seeds"
+        groups.append(_group(f"{task}-{duration:g}", name, [r.log for r in runs], encoded))
+    steps = logs.select("step")
+    if steps:
+        encoded = [_controller(r, styles) for r in steps]
+        groups.append(_group("step", "Step response", [r.log for r in steps], encoded))
+    for variant in dict.fromkeys(r.record.variant for r in logs.select("faults")):
+        of_fault = [r for r in logs.select("faults") if r.record.variant == variant]
+        fault = logs.faults.get(variant)
         name = f"{fault.kind} at {fault.at:g} s" if fault else "no fault"
         encoded = [_controller(r, styles) for r in of_fault]
-        groups.append(_group(f"fault-{number}", name, [r.run for r in of_fault], encoded))
+        number = int(variant[:2])
+        groups.append(_group(f"fault-{number}", name, [r.log for r in of_fault], encoded))
     return groups
 
 
@@ -139,11 +136,9 @@ def _quantities(runs: list[Run]) -> list[dict[str, str]]:
     ]
 
 
-def _controller(
-    result: TrackResult | StepResult | FaultResult, styles: dict[str, ControllerStyle]
-) -> dict[str, Any]:
+def _controller(result: RecordedRun, styles: dict[str, ControllerStyle]) -> dict[str, Any]:
     name = result.controller
-    return _run(result.run, name, name, styles[name])
+    return _run(result.log, name, name, styles[name])
 
 
 def _run(run: Run, label: str, short: str, style: ControllerStyle) -> dict[str, Any]:

@@ -236,8 +236,8 @@ def _factors(
 
 def _clock(name: str, first: Float[Array, " n"]) -> float:
     """Return the factor of times without a unit from the first: s, or that of an epoch's clock."""
-    for least, unit in _CLOCKS:
-        if (first >= least).any():
+    for minimum, unit in _CLOCKS:
+        if (first >= minimum).any():
             _log.warning("%s: the times, from %g on, are read in %s", name, first[0], unit)
             return UNITS["t"][unit]
     return 1.0

@@ -107,10 +107,10 @@ def simulate_batch(
 
 def _check_counts(**counts: tuple[int, int]) -> None:
     """Raise InvalidInput unless each value is a whole number from its least on."""
-    for name, (value, least) in counts.items():
-        if not (isinstance(value, Integral) and least <= value < 2**64):
+    for name, (value, minimum) in counts.items():
+        if not (isinstance(value, Integral) and minimum <= value < 2**64):
             raise InvalidInput(
-                f"{name} must be a whole number from {least}, got {short_repr(value)}"
+                f"{name} must be a whole number from {minimum}, got {short_repr(value)}"
             )
 
 
@@ -249,12 +249,12 @@ def _stream(
         pool.shutdown(cancel_futures=True)
 
 
-def _blocks(runs: Iterable[BatchRun], most: int, columns: int) -> Iterator[list[BatchRun]]:
+def _blocks(runs: Iterable[BatchRun], maximum: int, columns: int) -> Iterator[list[BatchRun]]:
     """Yield consecutive runs whose results are yielded together.
 
     Args:
         runs: The runs.
-        most: Most runs of a block.
+        maximum: Most runs of a block.
         columns: Columns of a log.
     """
     block: list[BatchRun] = []
@@ -267,7 +267,7 @@ def _blocks(runs: Iterable[BatchRun], most: int, columns: int) -> Iterator[list[
         if id(run.samples) not in known:
             known.add(id(run.samples))
             floats += arrays.setpoints.size
-        if len(block) == most or floats >= _BLOCK_FLOATS:
+        if len(block) == maximum or floats >= _BLOCK_FLOATS:
             yield block
             block, known, floats = [], set(), 0
     if block:

@@ -107,11 +107,11 @@ class RequestSocket:
         """Return flags and body of the next frame."""
         (flags,) = self._read(1)
         size = int.from_bytes(self._read(8 if flags & _LONG else 1), "big")
-        most = _MAX_COMMAND if flags & _COMMAND else self._max_bytes
+        maximum = _MAX_COMMAND if flags & _COMMAND else self._max_bytes
         if flags > (_MORE | _LONG | _COMMAND):
             raise InvalidReply(f"it sends a frame with the reserved flags {flags:#04x}")
-        if size > most:
-            raise InvalidReply(f"it sends {size} bytes, more than {most}")
+        if size > maximum:
+            raise InvalidReply(f"it sends {size} bytes, more than {maximum}")
         return flags, self._read(size)
 
     def _read(self, count: int) -> bytes:

@@ -180,7 +180,7 @@ def _unknown_shape(shape: str, known: tuple[str, ...], what: str) -> str:
     """Return the message for a shape that this package does not have."""
     is_custom = known is MATLAB_SHAPES and shape not in {"constant", "linear"}
     if not is_custom or closest(shape, known, cutoff=_MISSPELLED):
-        return f"there is no {what} {shape[:40]!r}{suggestion(shape, known, most=len(known))}"
+        return f"there is no {what} {shape[:40]!r}{suggestion(shape, known, maximum=len(known))}"
     return (
         f"there is no {what} {shape[:40]!r}; custom functions are not supported: use one of "
         f"{', '.join(known)}, or points of the function, in Python Membership('pointsmf', "

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from omnidrive.simulation import Outcome
+
 Factor = float | int | bool | str | None
 """Value of a factor in a table; a whole section or component is a text."""
 
 TIMING = ("step_time_median", "step_time_p99")
 """Metrics that differ from run to run on one machine."""
+
+_LOST = frozenset(each.name.lower() for each in (Outcome.KILLED, Outcome.TIMED_OUT))
 
 MAX_DETAIL = 4000
 """Largest number of characters of :attr:`RunRecord.detail`."""
@@ -54,3 +58,29 @@ class RunRecord:
     duration: float = 0.0
     variant: str = ""
     repeat: int = 0
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the log of the run is lost with its process."""
+        return self.outcome in _LOST
+
+    @property
+    def name(self) -> str:
+        """Name, unique in the study of one scenario; see :func:`name_of_run`."""
+        return name_of_run(self.task, self.controller, self.duration, self.variant, self.repeat)
+
+
+def name_of_run(task: str, controller: str, duration: float, variant: str, repeat: int) -> str:
+    """Return the name of a run of one scenario, the stem of the file of its time series.
+
+    The fields are those of :class:`RunRecord`; names are such as ``track-pid-20s``,
+    ``noise-pid-30s-r2``, ``horizon-unicycle-nmpc-20s-N15``, ``step-pid`` and
+    ``faults-pid-01-push``.
+    """
+    if task == "step":
+        return f"step-{controller}"
+    if task == "faults":
+        return f"faults-{controller}-{variant}"
+    horizon = f"-{variant.replace(' = ', '')}" if variant else ""
+    seed = f"-r{repeat}" if repeat else ""
+    return f"{task}-{controller}-{duration:g}s{horizon}{seed}"

@@ -1,4 +1,4 @@
-"""Assembly of the report: markup, styles, scripts and data in one file."""
+"""HTML documents with their styles and scripts, from the templates of this package."""
 
 from __future__ import annotations
 
@@ -6,73 +6,9 @@ import re
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
-from html import escape
 from importlib.resources import files
 
-from omnidrive.evaluation.page.markup import (
-    PageFigure,
-    facts_markup,
-    figures_markup,
-    tables_markup,
-    verdict_markup,
-)
-from omnidrive.evaluation.page.payload import payload
-from omnidrive.evaluation.results import StudyResults
-from omnidrive.evaluation.table import Table
-from omnidrive.files.output_file import output_file
-from omnidrive.files.str_path import StrPath, to_path
-
-_STYLES = ("vendor/uPlot.min.css", "page.css")
 _EARLY = ("theme.js",)
-_SCRIPTS = (
-    "vendor/uPlot.iife.min.js",
-    "study.js",
-    "camera.js",
-    "scene.js",
-    "lens.js",
-    "charts.js",
-    "page.js",
-)
-
-
-def write_page(
-    results: StudyResults,
-    tables: Sequence[Table],
-    path: StrPath,
-    figures: Sequence[PageFigure] = (),
-) -> None:
-    """Write the report of a study: one HTML file that needs no network.
-
-    Args:
-        results: Results of the study; tasks without runs are omitted.
-        tables: Tables below the playback, in this order.
-        path: Output file in an existing folder.
-        figures: Figures between the playback and the tables.
-
-    Raises:
-        CannotWrite: The file cannot be written.
-    """
-    with output_file(to_path(path)) as part:
-        text = page_text(results, tables, figures)
-        part.write_text(text, encoding="utf-8", errors="backslashreplace")
-
-
-def page_text(
-    results: StudyResults, tables: Sequence[Table], figures: Sequence[PageFigure] = ()
-) -> str:
-    """Return the HTML of the report; its content security policy permits only its own scripts."""
-    parts = {
-        "kind": "report",
-        "title": escape(results.title),
-        "question": "",
-        "facts": facts_markup(results),
-        "verdict": verdict_markup(results),
-        "figures": figures_markup(figures),
-        "tables": tables_markup(tables),
-        "data": payload(results),
-        "licence": escape(read_parts(("vendor/uPlot.LICENSE",))[0]),
-    }
-    return document("page.html", parts, read_parts(_STYLES), read_parts(_SCRIPTS))
 
 
 def document(
