@@ -35,7 +35,10 @@ from omnidrive.scenario.scenario import DEFAULT_CONTROLLERS
 from omnidrive.simulation import FAULTS, Outcome, Run, Schedule, simulate
 
 RECOMMENDED = "holonomic-nmpc"
-CONTROLLERS = DEFAULT_CONTROLLERS["recommended"]
+CONTROLLERS = (
+    *DEFAULT_CONTROLLERS["recommended"], "lqr", "linear-mpc", "sliding-mode", "adrc", "mppi",
+)  # fmt: skip
+"""The studies of the paper's path, parts ``noise`` and ``study``, have the default ones only."""
 PLANTS = ("ball", "rollers")
 DTS = (0.02, 0.05, 0.1)  # s
 FAULT_KINDS = ("slope", "payload")

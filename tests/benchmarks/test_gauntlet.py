@@ -313,7 +313,7 @@ def test_main_resumes_and_compares(tmp_path, capsys, monkeypatch):
     assert len(calls) == len(gauntlet_cells.CONTROLLERS)
     assert "0 figures moved" in capsys.readouterr().out
     gauntlet.main([*selected, "--out", str(tmp_path / "own.csv"), "--others", str(out)])
-    assert [cell.controller for cell in calls[7:]] == [RECOMMENDED]
+    assert [cell.controller for cell in calls[len(gauntlet_cells.CONTROLLERS) :]] == [RECOMMENDED]
     assert '"name": "step: settling' in (tmp_path / "gauntlet.json").read_text()
 
 
