@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from omnidrive.geometry import BodyTwist, Pose, WorldTwist
 from omnidrive.geometry.kernels import to_body, to_world, twist_between, wrap
 from omnidrive.parameter import Bounds, check_bounds, check_sample_time
 from omnidrive.robot import Chassis
+from omnidrive.robot.lag_response import mean_decay
 
 MEMORY = floats_of(BodyTwist)
 """Body twist at the sample, predicted from the commands; zero: at rest."""
@@ -48,7 +48,8 @@ class Axis(NamedTuple):
     velocity_gain: float
     """Correction per error of the velocity."""
     mean: float
-    """Share of the initial velocity in the mean velocity of a sample, see :func:`lag_shares`."""
+    """Share of the initial velocity in the mean velocity of a sample, see
+    :func:`~omnidrive.robot.lag_response.mean_decay`."""
     final: float
     """Share of the initial velocity in the final velocity of a sample."""
 
@@ -63,18 +64,9 @@ class LqrData(NamedTuple):
     limit: WheelLimit
 
 
-def lag_shares(lag: float, dt: float) -> tuple[float, float]:
-    """Return the shares of the initial velocity in the mean and the final velocity of a sample.
-
-    The velocity v follows a constant command c as ``lag v' = c - v``.
-    """
-    final = exp(-dt / lag) if lag > 0.0 else 0.0
-    return lag / dt * (1.0 - final), final
-
-
 def error_model(lag: float, dt: float) -> tuple[Float[Array, "2 2"], Float[Array, "2 1"]]:
     """Return A and B of ``z[k+1] = A z[k] + B u[k]``, z: errors of pose and velocity of an axis."""
-    mean, final = lag_shares(lag, dt)
+    mean, final = mean_decay(lag, dt)
     return np.array([[1.0, dt * mean], [0.0, final]]), np.array(
         [[dt * (1.0 - mean)], [1.0 - final]]
     )
@@ -198,7 +190,7 @@ class LqrController(LawController):
 
     def _axis(self, lag: float, error: float, correction: float) -> Axis:
         pose_gain, velocity_gain = lqr_gain(lag, self.dt, error, correction).tolist()
-        return Axis(pose_gain, velocity_gain, *lag_shares(lag, self.dt))
+        return Axis(pose_gain, velocity_gain, *mean_decay(lag, self.dt))
 
 
 def controller(context: ControllerContext, parameters: LqrTolerances) -> LqrController:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import log
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -49,9 +49,8 @@ _ROUNDING = 1e-12
 """Relative change of the merit that may be rounding."""
 
 
-SHIFT, BARRIER, ITERATIONS = range(3)
-"""Indices of :attr:`InteriorPoint.memory`: shift of the Hessian, fixed barrier (0: none), and
-number of iterations."""
+PROGRESS = np.dtype([("shift", "f8"), ("barrier", "f8"), ("iterations", "i8")], align=True)
+"""Shift of the Hessian; fixed barrier, 0: none; and number of iterations."""
 
 
 class InteriorPoint(NamedTuple):
@@ -66,8 +65,8 @@ class InteriorPoint(NamedTuple):
     """Step of ``side_multipliers``."""
     products: Float[Array, "stages rows 2"]
     """Desired values of slack x multiplier."""
-    memory: Float[Array, " 3"]
-    """Scalars, at the indices :data:`SHIFT`, :data:`BARRIER` and :data:`ITERATIONS`."""
+    progress: Any
+    """One record of the type :data:`PROGRESS`."""
 
 
 @compiled
@@ -95,7 +94,7 @@ def initialize(
         allocate_step(stages, rows),
         np.empty((stages, rows, 2)),
         np.empty((stages, rows, 2)),
-        np.zeros(3),
+        np.zeros(1, PROGRESS),
     )
     _combine_multipliers(ip)
     return ip
@@ -112,37 +111,37 @@ def iterate(p: HolonomicProblem, ip: InteriorPoint, tolerance: float, max_iterat
     Program. 106, 2006). The Hessian is exact, and modified where it is not positive definite:
     :func:`~omnidrive.control.nmpc.holonomic.riccati.factorise_shifted`.
     """
-    point, memory = ip.point, ip.memory
+    point, progress = ip.point, ip.progress[0]
     while True:
         _combine_multipliers(ip)
         evaluate(p, point)
         gradient, product, mean = _residuals(p, ip)
         if gradient <= tolerance and product <= tolerance:
             return CONVERGED
-        if memory[ITERATIONS] >= max_iterations:
+        if progress.iterations >= max_iterations:
             return CAPPED
         _fill_weights(ip)
-        memory[SHIFT] = factorise_shifted(p, point, ip.factors, memory[SHIFT])
-        if memory[SHIFT] >= MAX_SHIFT:
+        progress.shift = factorise_shifted(p, point, ip.factors, progress.shift)
+        if progress.shift >= MAX_SHIFT:
             return STALLED
-        if memory[BARRIER] > 0.0 and max(gradient, product) <= 10.0 * memory[BARRIER]:
-            memory[BARRIER] = 0.0
+        if progress.barrier > 0.0 and max(gradient, product) <= 10.0 * progress.barrier:
+            progress.barrier = 0.0
         length = 0.0
-        if memory[BARRIER] == 0.0:
+        if progress.barrier == 0.0:
             min_barrier = max(0.1 * tolerance, min(_BARRIER_PER_GRADIENT * gradient, mean))
             barrier = _predictor(p, ip, mean, min_barrier)
             length = _corrector(p, ip, barrier, 0.1)
             if length == 0.0:
-                memory[BARRIER] = max(barrier, 0.5 * mean)
+                progress.barrier = max(barrier, 0.5 * mean)
         if length == 0.0:
-            ip.products[:] = memory[BARRIER]
-            length = _corrector(p, ip, memory[BARRIER], 0.0)
+            ip.products[:] = progress.barrier
+            length = _corrector(p, ip, progress.barrier, 0.0)
             if length == 0.0:
                 return STALLED
         dual = min(1.0, _TO_BOUNDARY * _max_dual_step(ip))
         add_scaled(point.velocities, length, ip.step.velocities)
         add_scaled(ip.side_multipliers, dual, ip.multiplier_step)
-        memory[ITERATIONS] += 1
+        progress.iterations += 1
 
 
 @compiled

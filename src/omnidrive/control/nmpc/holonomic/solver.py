@@ -13,7 +13,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, EXITS, Exit
 from omnidrive.control.nmpc.holonomic.active_set import solve_active_set
-from omnidrive.control.nmpc.holonomic.interior_point import ITERATIONS, initialize, iterate
+from omnidrive.control.nmpc.holonomic.interior_point import initialize, iterate
 from omnidrive.control.nmpc.holonomic.keep_out_cost import keep_out_cost
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.motion import max_limit_ratio, roll_out, stage_twists
@@ -95,7 +95,7 @@ class HolonomicSolver:
             if code != CAPPED or until == max_iterations:
                 exit = EXITS[code]
                 break
-        point, iterations = ip.point, int(ip.memory[ITERATIONS])
+        point, iterations = ip.point, int(ip.progress[0]["iterations"])
         return HolonomicSolution.of(problem, point.velocities, point.multipliers, iterations, exit)
 
     def precompile(self, problem: HolonomicProblem) -> None:
@@ -173,7 +173,7 @@ def minimise(
         return point.velocities, point.multipliers, iterations, CONVERGED
     ip = initialize(p, velocities, tolerance)
     code = iterate(p, ip, tolerance, max_iterations)
-    return ip.point.velocities, ip.point.multipliers, int(ip.memory[ITERATIONS]), code
+    return ip.point.velocities, ip.point.multipliers, int(ip.progress[0]["iterations"]), code
 
 
 @compiled
