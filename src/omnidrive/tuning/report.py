@@ -14,7 +14,7 @@ from shlex import quote
 from matplotlib.figure import Figure
 
 from omnidrive.evaluation.figures.style import save
-from omnidrive.evaluation.page.document import document, read_parts
+from omnidrive.evaluation.page.document import document, fill_template, read_parts
 from omnidrive.evaluation.page.markup import (
     PageFigure,
     figure_markup,
@@ -216,7 +216,7 @@ def _page(result: TuningResult, figures: Sequence[PageFigure]) -> str:
         "lead": escape(lead(result)),
         "tables": tables_markup(tuning_tables(result)),
         "figures": "\n".join(map(figure_markup, figures)),
-        "setup": items_markup(_setup(result)),
+        "setup": fill_template("setup.html", {"setup": items_markup(_setup(result))}),
         "use": escape(f"omnidrive compare --controller {file}{code}"),
         "command": escape(f"omnidrive tune {name}{code}"),
         "hashes": items_markup(hashes),

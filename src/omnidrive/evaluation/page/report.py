@@ -21,8 +21,9 @@ from omnidrive.evaluation.page.payload import payload
 from omnidrive.evaluation.palette import ControllerStyle
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_logs import StudyLogs
+from omnidrive.evaluation.study_verdicts import has_evidence
 from omnidrive.evaluation.table import Table
-from omnidrive.evaluation.verdict import TaskVerdict, has_evidence
+from omnidrive.evaluation.verdict import TaskVerdict
 
 _PLAYER_SCRIPTS = (
     "vendor/uPlot.iife.min.js", "study.js", "camera.js", "scene.js", "lens.js", "charts.js",
