@@ -22,9 +22,9 @@ from omnidrive.evaluation.result_tables import interval_note
 from omnidrive.evaluation.run_table import RunTable
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_report import StudyReport
+from omnidrive.evaluation.study_verdicts import study_verdicts
 from omnidrive.evaluation.table import percent
 from omnidrive.evaluation.uncertainty import MeanEstimate
-from omnidrive.evaluation.verdict import study_verdicts
 from tests.evaluation.recorded import page_text, tables_by_title
 from tests.evaluation.synthetic_runs import TASK, synthetic_table
 

@@ -6,9 +6,10 @@ from .run_record import RunRecord
 from .step_response import STEP_AXES, StepResponse, step_response
 from .study_logs import RecordedRun, StudyLogs
 from .study_report import StudyReport
+from .study_verdicts import study_verdicts
 from .table import Table
 from .table_files import write_tables
-from .verdict import TaskVerdict, study_verdicts
+from .verdict import TaskVerdict
 
 __all__ = [
     "STEP_AXES",

@@ -13,9 +13,10 @@ from omnidrive.evaluation.palette import ControllerStyle
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_logs import StudyLogs
 from omnidrive.evaluation.study_tables import study_tables
+from omnidrive.evaluation.study_verdicts import study_verdicts
 from omnidrive.evaluation.table import Table
 from omnidrive.evaluation.table_files import write_tables
-from omnidrive.evaluation.verdict import TaskVerdict, study_verdicts
+from omnidrive.evaluation.verdict import TaskVerdict
 from omnidrive.files.output_file import create_folder, output_file
 from omnidrive.files.str_path import StrPath, to_path
 

@@ -24,10 +24,11 @@ from omnidrive.evaluation.rule_tables import rule_tables
 from omnidrive.evaluation.run_table import RunTable, Task
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_logs import ControllerType, StudyLogs
+from omnidrive.evaluation.study_verdicts import has_evidence, table_axes
 from omnidrive.evaluation.table import NO_VALUE, Table, level_text, number_text, percent
 from omnidrive.evaluation.uncertainty import p_text
 from omnidrive.evaluation.variance_shares import MIN_REPETITIONS, variance_shares
-from omnidrive.evaluation.verdict import Cost, TaskVerdict, has_evidence, headline, table_axes
+from omnidrive.evaluation.verdict import Cost, TaskVerdict, headline
 
 _ALSO_COMPARED = ("mae", "max_error")
 """Quantities whose paired differences are shown beside the compared one."""

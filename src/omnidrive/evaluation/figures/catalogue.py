@@ -24,7 +24,8 @@ from omnidrive.evaluation.figures.style import figure_style, save
 from omnidrive.evaluation.figures.tracking_error import tracking_error
 from omnidrive.evaluation.palette import ControllerStyle
 from omnidrive.evaluation.study_logs import StudyLogs
-from omnidrive.evaluation.verdict import TaskVerdict, has_evidence
+from omnidrive.evaluation.study_verdicts import has_evidence
+from omnidrive.evaluation.verdict import TaskVerdict
 from omnidrive.files.output_file import create_folder
 from omnidrive.files.str_path import StrPath, to_path
 
