@@ -183,7 +183,7 @@ def traceback_text(error: BaseException) -> str:
     return "".join(traceback.format_exception(error, limit=-4)).rstrip()
 
 
-def closest(name: str, known: Iterable[str], *, cutoff: float = 0.5) -> str | None:
+def closest(name: str, known: Iterable[str], *, cutoff: float = 0.6) -> str | None:
     """Return the known name most similar to ``name``, None if the ratio is below ``cutoff``.
 
     The similarity ratio, 0 to 1, is that of difflib; case is ignored.
