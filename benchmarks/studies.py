@@ -17,9 +17,10 @@ from omnidrive.scenario import paper_scenario
 from omnidrive.scenario.run_settings import RunSettings
 from omnidrive.scenario.scenario_file import scenario_data
 from omnidrive.scenario.tasks import NoiseTask, Tasks
-from omnidrive.study import parse_definition, run_experiment
-from omnidrive.study.experiment import Experiment, Progress
+from omnidrive.study import parse_definition, run_study
+from omnidrive.study.experiment import Experiment
 from omnidrive.study.planned_run import PlannedRun
+from omnidrive.study.progress import NullProgress, RunProgress
 
 EACH = 0.002  # s of processor time of a run of the benchmark of the engine
 SECONDS = 8.0  # of work, after the first blocks
@@ -62,7 +63,7 @@ class Spin:
         )  # fmt: skip
 
 
-class Stopwatch:
+class Stopwatch(NullProgress):
     """Rate of runs between the first block of about a second and the last one."""
 
     def __init__(self, clock: Callable[[], float], skipped: int) -> None:
@@ -70,7 +71,7 @@ class Stopwatch:
         self._first: tuple[int, float] | None = None
         self._last = (0, 0.0)
 
-    def report(self, progress: Progress) -> None:
+    def runs(self, progress: RunProgress) -> None:
         now = progress.done, self._clock()
         if self._first is None and progress.done >= self._skipped:
             self._first = now
@@ -90,7 +91,7 @@ def spin_rate(processes: int) -> float:
     watch = Stopwatch(perf_counter, skipped)
     with TemporaryDirectory() as folder:
         experiment = Experiment(Spin(count), Spin(count), folder, "spin")
-        experiment.execute(processes, report=watch.report, in_process=False)
+        experiment.execute(processes, report=watch.runs, in_process=False)
     return watch.rate
 
 
@@ -112,7 +113,7 @@ def loop_row(plant: str) -> dict[str, object]:
     definition = parse_definition({**data, "scenario": scenario_data(scenario)}, "loops")
     watch = Stopwatch(process_time, count // 6)
     with TemporaryDirectory() as folder:
-        run_experiment(definition, Path(folder) / "study", report=watch.report)
+        run_study(definition, Path(folder) / "study", progress=watch, figures=())
     return at_least(f"closed loops per second, {plant}", watch.rate, "1/s", target)
 
 

@@ -29,7 +29,7 @@ def test_compare_prints_tables_and_folder(tmp_path):
     assert done.stdout.splitlines()[-1].startswith("results: here")
     assert "simulate" in done.stdout.splitlines()[-2]
     assert (tmp_path / "here" / "report.html").exists()
-    assert (tmp_path / "here" / "figures" / "xy_comparison.pdf").exists()
+    assert (tmp_path / "here" / "figures" / "xy_comparison.svg").exists()
 
 
 def test_compare_json_prints_only_json(tmp_path):

@@ -6,10 +6,10 @@ import math
 import pytest
 
 from omnidrive.cli.main import load_verb
-from omnidrive.cli.studies.execution import progress_text
+from omnidrive.cli.progress import runs_text
 from omnidrive.cli.terminal import count_text
 from omnidrive.errors import InvalidInput, InvalidStore, InvalidStudy
-from omnidrive.study.experiment import Progress
+from omnidrive.study.progress import RunProgress
 
 STUDY = """
 format: omnidrive-study-1
@@ -43,7 +43,10 @@ def test_study_is_computed_continued_and_shown(file, tmp_path, capsys):
     out, err = capsys.readouterr()
     assert "runs: 2 finished" in out
     assert out.splitlines()[-1].startswith(f"results: {folder}")
-    assert "2 of 2 runs (100 %)" in err
+    assert "simulate" in err
+    assert "2/2" in err
+    assert "Step response" in out
+    assert (folder / "report.html").is_file()
     study("run", file, "--out", folder, "--jobs", 1)
     assert "runs: 4 finished" in capsys.readouterr().out
     study("status", folder)
@@ -121,9 +124,9 @@ def test_wrong_input_is_reported(file, tmp_path, monkeypatch, args, error, fact)
 
 def test_progress_has_share_time_and_best_controller():
     best = ("fuzzy_t2", 0.0413)
-    assert progress_text(Progress(50, 200, 3, 4321.0, best)) == (
+    assert runs_text(RunProgress(50, 200, 3, 4321.0, best)) == (
         "50 of 200 runs (25 %), 3 ended early, 72 min left, best so far: fuzzy_t2, mean ME 41.3 mm"
     )
-    assert progress_text(Progress(0, 1_000_000, 0, math.inf, None)) == "0 of 1,000,000 runs (0 %)"
-    assert "3 h 20 min left" in progress_text(Progress(1, 2, 0, 12_000.0, None))
+    assert runs_text(RunProgress(0, 1_000_000, 0, math.inf, None)) == "0 of 1,000,000 runs (0 %)"
+    assert "3 h 20 min left" in runs_text(RunProgress(1, 2, 0, 12_000.0, None))
     assert count_text({"controller_failed": 2, "finished": 7}) == "7 finished, 2 controller failed"

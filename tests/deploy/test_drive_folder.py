@@ -74,7 +74,7 @@ def folder(planned, result, tmp_path_factory):
 def test_folder_has_the_files_of_a_simulation(folder, result):
     present = {path.name for path in folder.path.iterdir()}
     assert present >= {"scenario.yaml", "results.json", "report.html", "figures", "series"}
-    for name in ("punctuality.svg", "punctuality.pdf", "effort.svg", "effort.pdf"):
+    for name in ("punctuality.svg", "effort.svg"):
         assert (folder.path / "figures" / name).stat().st_size > 1000
     series = list((folder.path / "series").iterdir())
     assert [each.name for each in series] == [f"track-feedforward-{result.run.t[-1]:g}s.parquet"]

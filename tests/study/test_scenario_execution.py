@@ -17,8 +17,8 @@ from omnidrive.scenario.tasks import DurationsTask, FaultsTask, NoiseTask, StepT
 from omnidrive.simulation import Outcome
 from omnidrive.study import StudyDefinition, block_runner, run_study
 from omnidrive.study.block_runner import run_block
+from omnidrive.study.numbered_runs import is_sequential
 from omnidrive.study.progress import NullProgress
-from omnidrive.study.run_experiment import is_sequential
 from omnidrive.study.run_plan import RunPlan
 from omnidrive.study.run_recording import lost_record
 from tests.study.processes import workers
@@ -35,9 +35,10 @@ class Acting(NullProgress):
     def __init__(self, act):
         self.act, self.finished = act, []
 
-    def done(self, what):
-        self.finished.append(what)
-        if len(self.finished) == 1:
+    def runs(self, progress):
+        is_first = progress.latest and not self.finished
+        self.finished += [each.name for each in progress.latest]
+        if is_first:
             self.act()
 
 
@@ -173,7 +174,7 @@ def test_record_of_a_lost_run_is_that_of_its_task(task):
 class CompilingProgress(NullProgress):
     """A listener during whose calls a kernel is compiled."""
 
-    def done(self, what):
+    def runs(self, progress):
         with reported("kernel"):
             pass
 

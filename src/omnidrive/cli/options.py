@@ -100,19 +100,16 @@ FIGURE_FORMATS = ("svg", "pdf", "png")
 """Formats of figures."""
 
 
-def figures_option(default: str) -> Any:
-    """Return the option ``--figures`` with a default."""
-    return option(
+FiguresOption = Annotated[
+    str | None,
+    option(
         "A,B,...",
-        f"Formats of the figures: {', '.join(FIGURE_FORMATS)}; none: no figures [default: "
-        f"{default}].",
+        f"Formats of the figures: {', '.join(FIGURE_FORMATS)}; none: no figures [default: svg].",
         RESULTS_PANEL,
         "--figures",
         complete=some_of((*FIGURE_FORMATS, "none")),
-    )
-
-
-FiguresOption = Annotated[str | None, figures_option("svg,pdf")]
+    ),
+]
 FullOption = Annotated[
     bool,
     flag(
@@ -127,14 +124,14 @@ ResultsJsonOption = Annotated[
 JsonOption = Annotated[bool, flag("Print JSON.", RESULTS_PANEL, "--json")]
 
 
-def figure_formats(text: str | None, default: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the formats of figures that ``--figures`` names; empty: none.
+def figure_formats(text: str | None) -> tuple[str, ...]:
+    """Return the formats of figures that ``--figures`` names; empty: no figures.
 
     Raises:
         InvalidInput: There is no such format.
     """
     if text is None or text.strip() == "none":
-        return default if text is None else ()
+        return ("svg",) if text is None else ()
     return choose_many("figure format", text, FIGURE_FORMATS)
 
 

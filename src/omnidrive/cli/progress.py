@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+from math import isfinite
 from pathlib import Path
+from time import monotonic
 
 from rich.console import Console
 from rich.progress import (
@@ -17,8 +20,11 @@ from rich.text import Text
 
 from omnidrive import visualization  # imports only the modules in use
 from omnidrive.cli.compile_status import displays
-from omnidrive.cli.terminal import is_quiet
+from omnidrive.cli.terminal import encodable, escaped, is_quiet
+from omnidrive.study.progress import RunProgress
 from omnidrive_command import check_interrupted
+
+_LINES_EVERY = 10.0  # s between two lines about runs that are not on a terminal
 
 
 class _Steps(MofNCompleteColumn):
@@ -32,8 +38,9 @@ class _Steps(MofNCompleteColumn):
 class LiveProgress:
     """A progress listener that draws one bar per part on standard error; none with ``--quiet``.
 
-    Use it in a ``with`` statement. :meth:`part` and :meth:`done` raise KeyboardInterrupt again
-    if other code has caught the one that a signal raised.
+    If standard error is no terminal, runs are reported by plain lines, too. Use it in a ``with``
+    statement. Its methods raise KeyboardInterrupt again if other code has caught the one that a
+    signal raised.
     """
 
     def __init__(self) -> None:
@@ -47,6 +54,7 @@ class LiveProgress:
             disable=is_quiet(),
         )
         self._task = self._progress.add_task("", visible=False, what="")
+        self._next_line = monotonic() + _LINES_EVERY
 
     def __enter__(self) -> LiveProgress:
         self._progress.start()
@@ -69,6 +77,30 @@ class LiveProgress:
         check_interrupted()
         self._progress.update(self._task, advance=1, what=what)
 
+    def runs(self, progress: RunProgress) -> None:
+        """Set the bar to the number of stored runs; show estimates beside it."""
+        check_interrupted()
+        self._progress.update(
+            self._task,
+            total=progress.total,
+            completed=progress.done,
+            what=escaped(", ".join(_estimates(progress))),
+        )
+        if monotonic() >= self._next_line:
+            self._next_line = monotonic() + _LINES_EVERY
+            self._print(runs_text(progress))
+
+    def note(self, text: str) -> None:
+        """Show a line about a stop rule."""
+        check_interrupted()
+        self._progress.update(self._task, what=escaped(text))
+        self._print(text)
+
+    def _print(self, text: str) -> None:
+        """Print a line if standard error is no terminal, unless the output is quiet."""
+        if not (self._progress.console.is_terminal or is_quiet()):
+            print(encodable(text, sys.stderr.encoding), file=sys.stderr, flush=True)
+
     def _show(self, what: str) -> None:
         """Show a text beside the bar."""
         self._progress.update(self._task, what=what)
@@ -80,6 +112,34 @@ class LiveProgress:
             self._progress.update(task.id, total=task.completed)
         self._progress.stop_task(task.id)
         self._progress.update(task.id, what="")
+
+
+def runs_text(progress: RunProgress) -> str:
+    """Return the progress of runs as one line."""
+    share = 100.0 * progress.done / max(progress.total, 1)
+    count = f"{progress.done:,} of {progress.total:,} runs ({share:.0f} %)"
+    return ", ".join([count, *_estimates(progress)])
+
+
+def _estimates(progress: RunProgress) -> list[str]:
+    """Return failures, remaining time and best controller, as far as there are any."""
+    parts = []
+    if progress.unfinished:
+        parts.append(f"{progress.unfinished:,} ended early")
+    if progress.done < progress.total and isfinite(progress.remaining):
+        parts.append(f"{_duration_text(progress.remaining)} left")
+    if progress.best:
+        name, mean = progress.best
+        parts.append(f"best so far: {name}, mean ME {1e3 * mean:.3g} mm")
+    return parts
+
+
+def _duration_text(seconds: float) -> str:
+    """Return a time such as 45 s, 12 min or 3 h 20 min."""
+    minutes = round(seconds / 60.0)
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
 def save_film(recording: visualization.Recording, video: Path, progress: LiveProgress) -> str:

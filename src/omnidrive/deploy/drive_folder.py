@@ -36,7 +36,7 @@ def save_drive(
     planned: PlannedScenario,
     link: str,
     folder: RunFolder,
-    figures: Sequence[str] = ("svg", "pdf"),
+    figures: Sequence[str] = ("svg",),
 ) -> Path:
     """Write time series, results, figures, tables and report of a drive; return the report.
 

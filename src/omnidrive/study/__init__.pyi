@@ -17,9 +17,8 @@ from .output_paths import (
 )
 from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .planned_run import PlannedRun
-from .progress import ProgressListener
+from .progress import ProgressListener, RunProgress
 from .queries import solve_queries
-from .run_experiment import run_experiment
 from .run_plan import RunPlan, check_size
 from .run_study import run_study
 from .stored_study import compare_studies, export_study, read_study, report_study
@@ -33,6 +32,7 @@ __all__ = [
     "ProgressListener",
     "RunFolder",
     "RunPlan",
+    "RunProgress",
     "Study",
     "StudyDefinition",
     "check_figure",
@@ -52,7 +52,6 @@ __all__ = [
     "read_study",
     "report_study",
     "run_block",
-    "run_experiment",
     "run_study",
     "save_definition",
     "save_figure",

@@ -74,7 +74,10 @@ class StudyDefinition:
 
     @classmethod
     def from_scenario(cls, scenario: Scenario, *, series: SeriesKept = "none") -> StudyDefinition:
-        """Return the study of the runs of one scenario, in their order."""
+        """Return the study of the runs of one scenario, in their order.
+
+        With all series, it is the comparison of ``omnidrive compare``.
+        """
         return cls(scenario.name, scenario, series=series)
 
     @property
@@ -82,6 +85,12 @@ class StudyDefinition:
         """Whether the runs are all those of one scenario, once each."""
         varied = (*self.axes, *self.random.factors, *self.where, *self.leave_out)
         return not varied and self.repetitions == 1
+
+    @property
+    def is_comparison(self) -> bool:
+        """Whether it is the study of a scenario file, as of ``omnidrive compare``."""
+        named = self.name == self.scenario.name and not self.question
+        return self.is_one_scenario and self.series == "all" and named
 
     @cached_property
     def data(self) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from math import inf, isnan, nan
 from time import monotonic
-from typing import NamedTuple
 
 from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.execution.engine import Work, execute_blocks, must_be_in_process
@@ -19,28 +18,12 @@ from omnidrive.parameter import Bounds, check_number
 from omnidrive.simulation import Outcome
 from omnidrive.study.leases import Leases
 from omnidrive.study.planned_run import PlannedRun
+from omnidrive.study.progress import RunProgress
 from omnidrive.study.run_recording import lost_record, relabelled
 from omnidrive.study.store import KeyedPlan, Store
 
 _BEST_BY = "me"  # metric of the best controller so far
 _MAX_LEASED = 10_000  # runs of a request
-
-
-class Progress(NamedTuple):
-    """Progress of the execution of a plan."""
-
-    done: int
-    """Stored runs."""
-    total: int
-    """Planned runs."""
-    unfinished: int
-    """Runs of this call that ended early."""
-    remaining: float
-    """Estimated remaining time, s; infinite: unknown."""
-    best: tuple[str, float] | None
-    """Controller with the least mean ``me`` of the runs of this call, and that mean, m."""
-    latest: Sequence[RunRecord] = ()
-    """Records of the latest block."""
 
 
 class _Pace:
@@ -104,7 +87,7 @@ class Experiment:
         self,
         processes: int = 1,
         *,
-        report: Callable[[Progress], None] = lambda _: None,
+        report: Callable[[RunProgress], None] = lambda _: None,
         time_limit: float | None = None,
         in_process: bool | None = None,
         extend: Callable[[Store], int | None] = lambda _: None,
@@ -118,7 +101,7 @@ class Experiment:
 
         Args:
             processes: Number of worker processes.
-            report: Called with the progress after each block.
+            report: Called with the progress at the start, after each block and at the end.
             time_limit: Largest wall time of a run in a worker process, s; blocks are then single
                 runs. None: no limit.
             in_process: Whether to compute in this process. None: with one process, if possible.
@@ -151,6 +134,7 @@ class Experiment:
             with Leases(store, plan, order=self.order) as leases:
                 source = _UnstoredRuns(store, leases, plan, processes, extend)
                 self._pace, before = _Pace(1 if here else processes), store.count
+                report(self._progress(before, len(plan)))
                 blocks = execute_blocks(
                     source, work, processes, time_limit=time_limit, in_process=here,
                     scheduler=scheduler,
@@ -160,6 +144,7 @@ class Experiment:
                         source.add(records)
                         self._note(records)
                         report(self._progress(before + source.added, len(plan), records))
+            report(self._progress(store.count, len(plan)))  # other processes share the runs
 
     def _begin(self, store: Store) -> None:
         """Prepare the store for the plan."""
@@ -177,13 +162,13 @@ class Experiment:
                 mean += (value - mean) / (count + 1)
                 self._means[record.controller] = count + 1, mean
 
-    def _progress(self, done: int, total: int, latest: Sequence[RunRecord]) -> Progress:
+    def _progress(self, done: int, total: int, latest: Sequence[RunRecord] = ()) -> RunProgress:
         """Return the progress."""
         each = self._pace.update(monotonic(), self._computed)
         means = {name: mean for name, (_, mean) in self._means.items()}
         best = min(means.items(), key=lambda item: item[1]) if len(means) > 1 else None
         left = (total - done) * each if done < total else 0.0
-        return Progress(done, total, self._unfinished, left, best, latest)
+        return RunProgress(done, total, self._unfinished, left, best, latest)
 
 
 def record_of_lost(run: PlannedRun, lost: Lost, time_limit: float | None = None) -> RunRecord:

@@ -23,6 +23,9 @@ WAYPOINT_FORMATS = (".csv", ".path", ".traj", ".yaml", ".yml")
 POSE_FORMATS = (".path", ".yaml", ".yml")
 """Suffixes of those without velocities."""
 
+DEFINITION_FILE = "study.yaml"
+"""Name of the definition in the folder of a study."""
+
 STORE_FILE = "runs.sqlite"
 """Database of finished runs in the folder of a study."""
 
@@ -144,7 +147,7 @@ def check_study_folder(path: StrPath) -> None:
     """
     path = to_path(path)
     with _write_errors(path):
-        holds_a_study = (path / STORE_FILE).is_file()
+        holds_a_study = any((path / each).is_file() for each in (STORE_FILE, DEFINITION_FILE))
     if holds_a_study:
         remove_abandoned(path)
         with _write_errors(path):

@@ -1,12 +1,31 @@
-"""Progress of a study of one scenario, by its parts."""
+"""Progress of a study, by its parts and runs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from omnidrive.evaluation.run_record import RunRecord
+
+
+class RunProgress(NamedTuple):
+    """Progress of the runs of a study."""
+
+    done: int
+    """Stored runs."""
+    total: int
+    """Planned runs."""
+    unfinished: int
+    """Runs of this call that ended early."""
+    remaining: float
+    """Estimated remaining time, s; infinite: unknown."""
+    best: tuple[str, float] | None
+    """Controller with the least mean ``me`` of the runs of this call, and that mean, m."""
+    latest: Sequence[RunRecord] = ()
+    """Records of the latest block of runs."""
 
 
 @runtime_checkable
@@ -21,6 +40,14 @@ class ProgressListener(Protocol):
         """Handle the end of one step of the part; ``what`` names it."""
         ...
 
+    def runs(self, progress: RunProgress) -> None:
+        """Handle the progress of the part ``simulate``, whose steps are runs."""
+        ...
+
+    def note(self, text: str) -> None:
+        """Handle one line about a stop rule that has been checked."""
+        ...
+
 
 class NullProgress:
     """A :class:`ProgressListener` that does nothing."""
@@ -29,6 +56,12 @@ class NullProgress:
         """Do nothing."""
 
     def done(self, what: str) -> None:
+        """Do nothing."""
+
+    def runs(self, progress: RunProgress) -> None:
+        """Do nothing."""
+
+    def note(self, text: str) -> None:
         """Do nothing."""
 
 

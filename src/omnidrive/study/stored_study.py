@@ -19,12 +19,7 @@ from omnidrive.study.results_data import save_results
 from omnidrive.study.run_export import write_csv
 from omnidrive.study.store import Store
 from omnidrive.study.study import Study
-from omnidrive.study.study_folder import (
-    DEFINITION_FILE,
-    SCENARIO_FILE,
-    load_study,
-    resume_command,
-)
+from omnidrive.study.study_folder import load_study, resume_command
 
 EXPORT_SUFFIXES = (".csv", ".parquet")
 """Suffixes of exported tables."""
@@ -82,9 +77,9 @@ def stored_study(
     if not table.num_rows:
         damaged = f" ({lost})" if lost.runs else ""
         raise InvalidInput(f"no run of the study in {name} is finished yet{damaged}")
-    file = SCENARIO_FILE if (path / SCENARIO_FILE).is_file() else DEFINITION_FILE
-    text = (path / file).read_text(encoding="utf-8")
-    return Study(path, definition, text, table, step_times, tuple(failures), until, lost, file=file)
+    found = Study(path, definition, "", table, step_times, tuple(failures), until, lost)
+    found.text = (path / found.file).read_text(encoding="utf-8")
+    return found
 
 
 def report_study(
@@ -119,7 +114,7 @@ def report_study(
     page = folder
     for page in report.write(folder, formats=figures):
         done(page.name)
-    if study.is_comparison:
+    if study.definition.is_comparison:
         save_results(study, folder)
     return page, report.tables
 

@@ -31,13 +31,14 @@ from omnidrive.scenario.scenario import Scenario, paper_scenario
 from omnidrive.simulation import Run
 from omnidrive.simulation.saved_run import load_run
 from omnidrive.study.definition import StudyDefinition
-from omnidrive.study.run_experiment import series_file
+from omnidrive.study.numbered_runs import series_file
+from omnidrive.study.output_paths import DEFINITION_FILE
 from omnidrive.study.run_export import results_digest
 from omnidrive.study.run_key import plan_digest
 from omnidrive.study.run_plan import RunPlan
 from omnidrive.study.setup_facts import controller_types, setup_facts
 from omnidrive.study.stored_rows import Loss
-from omnidrive.study.study_folder import DEFINITION_FILE, SCENARIO_FILE, resume_command
+from omnidrive.study.study_folder import SCENARIO_FILE, resume_command
 
 MAX_LOGS = 500
 """Largest number of logs that a report reads."""
@@ -61,7 +62,6 @@ class Study:
         loss: Stored runs that are damaged; the tables lack them.
         timing: Wall time of each part of the execution, s; empty: it was read from its folder.
         planned: The planned scenario of a study of one scenario; None: it is planned on demand.
-        file: Name of the study file.
     """
 
     folder: Path | None
@@ -74,12 +74,11 @@ class Study:
     loss: Loss = field(default_factory=lambda: Loss(0, ()))
     timing: dict[str, float] = field(default_factory=dict)
     planned: PlannedScenario | None = None
-    file: str = DEFINITION_FILE
 
     @property
-    def is_comparison(self) -> bool:
-        """Whether it is the study of a scenario file, as of ``omnidrive compare``."""
-        return self.file == SCENARIO_FILE
+    def file(self) -> str:
+        """Name of the study file."""
+        return SCENARIO_FILE if self.definition.is_comparison else DEFINITION_FILE
 
     @cached_property
     def plan(self) -> RunPlan:
@@ -193,9 +192,9 @@ class Study:
         scenario = definition.scenario
         until = f" --until {quote(self.until)}" if self.until else ""
         code = " --allow-code" if definition.names_code else ""
-        verb = "compare" if self.is_comparison else "study"
+        verb = "compare" if definition.is_comparison else "study"
         return StudyFacts(
-            name=scenario_title(scenario) if self.is_comparison else definition.name,
+            name=scenario_title(scenario) if definition.is_comparison else definition.name,
             question=definition.question,
             setup=setup_facts(definition),
             types=controller_types(scenario),

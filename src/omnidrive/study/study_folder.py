@@ -13,19 +13,15 @@ from omnidrive.errors import InvalidStore, one_line
 from omnidrive.files.bounded_file import read_bounded
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
-from omnidrive.study.output_paths import STORE_FILE
+from omnidrive.study.output_paths import DEFINITION_FILE, STORE_FILE
 from omnidrive.study.store import Store
 
 if TYPE_CHECKING:
     from omnidrive.study.definition import StudyDefinition
     from omnidrive.study.run_plan import RunPlan
 
-DEFINITION_FILE = "study.yaml"
-"""Name of the definition in the folder of a study."""
-
 SCENARIO_FILE = "scenario.yaml"
 """Name of the scenario in the folder of a study of one scenario, which keeps all logs."""
-
 
 DESCRIPTIONS = ("name", "question", "repetitions", "series")
 """Keys of a definition that change none of its runs."""

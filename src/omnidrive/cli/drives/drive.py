@@ -83,7 +83,7 @@ def drive(
 
     if out is not None:
         study.check_new_folder(out)
-    formats = figure_formats(figures, ("svg", "pdf"))
+    formats = figure_formats(figures)
     chosen = chosen_component("links", link)
     given = one_run(shared.resolve(), controller, "track", None, allow_code=shared.allow_code)
     scenario = _with_rate(given, rate)

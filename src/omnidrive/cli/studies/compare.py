@@ -110,11 +110,11 @@ def compare(
     * `omnidrive compare --tasks noise --noise-seeds 50`
     * `omnidrive compare --tasks faults --plant mujoco-balls`
     """
-    from omnidrive.cli.studies.results import run_and_print
+    from omnidrive.cli.studies.execution import compute_and_print
 
     if out is not None:
         study.check_study_folder(out)
-    formats = figure_formats(figures, ("svg", "pdf"))
+    formats = figure_formats(figures)
     if controllers and "=" in controllers:
         raise InvalidInput(
             "--controllers takes names only; give parameters with --controller NAME,KEY=VALUE"
@@ -122,8 +122,8 @@ def compare(
     chosen = [*(controllers.split(",") if controllers else ()), *(controller or ())]
     resolved = _restrict(shared.resolve(), chosen, tasks, noise_seeds, allow_code=shared.allow_code)
     resolved = with_faults(resolved, fault)
-    run_and_print(
-        resolved,
+    compute_and_print(
+        study.StudyDefinition.from_scenario(resolved, series="all"),
         out or default_folder(resolved.name),
         jobs=jobs,
         run_timeout=run_timeout,

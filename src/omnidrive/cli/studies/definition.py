@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from omnidrive.cli.options import available_cores, default_folder, flag, option
+from omnidrive.cli.options import (
+    FiguresOption,
+    FullOption,
+    available_cores,
+    default_folder,
+    figure_formats,
+    flag,
+    option,
+)
 from omnidrive.cli.studies.store import (
     CodeOption,
     JobsOption,
@@ -89,8 +97,13 @@ def run(
     dry_run: DryRunOption = False,
     allow_code: CodeOption = False,
     yes: YesOption = False,
+    figures: FiguresOption = None,
+    full: FullOption = False,
 ) -> None:
-    """Compute the runs of a study; it can be interrupted at any time, and resumed.
+    """Compute the runs of a study, report them, and print the verdict with its uncertainty.
+
+    A study can be interrupted at any time, and resumed. The folder holds report.html, tables and
+    figures as those of `omnidrive study report`.
 
     For example:
 
@@ -102,6 +115,7 @@ def run(
     """
     from omnidrive.study.definition_file import load_definition
 
+    formats = figure_formats(figures)
     changes = dict(map(_parsed, set_ or ()))
     definition = load_definition(source, changes=changes, allow_code=allow_code)
     if repetitions is not None:
@@ -109,12 +123,12 @@ def run(
     if dry_run:
         _show_plan(definition)
         return
-    from omnidrive.cli.studies.execution import execute_study
+    from omnidrive.cli.studies.execution import compute_and_print
 
     folder = out or default_folder(definition.name)
     if equal_budget is not None:
         definition = _tuned(definition, equal_budget, folder, jobs)
-    execute_study(
+    compute_and_print(
         definition,
         folder,
         jobs=jobs,
@@ -122,6 +136,9 @@ def run(
         until=until,
         scheduler=scheduler,
         yes=yes,
+        numbered=out is None,
+        full=full,
+        figures=formats,
     )
 
 

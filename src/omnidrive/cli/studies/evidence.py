@@ -9,10 +9,10 @@ import typer
 
 from omnidrive.cli.options import (
     RESULTS_PANEL,
+    FiguresOption,
     FullOption,
     JsonOption,
     figure_formats,
-    figures_option,
     flag,
     option,
 )
@@ -41,7 +41,7 @@ def report(
     out: Annotated[
         Path | None, option("FOLDER", "Folder of the report [default: that of the study].")
     ] = None,
-    figures: Annotated[str | None, figures_option("svg")] = None,
+    figures: FiguresOption = None,
     allow_code: AllowCodeOption = False,
     full: FullOption = False,
 ) -> None:
@@ -61,7 +61,7 @@ def report(
     from omnidrive.cli.tables import print_tables
     from omnidrive.study.stored_study import read_study, report_study
 
-    formats = figure_formats(figures, ("svg",))
+    formats = figure_formats(figures)
     with LiveProgress() as progress:
         progress.part("report", 0)
         found = read_study(folder, allow_code=allow_code)

@@ -3,61 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 
-from omnidrive import study
-from omnidrive.cli.options import available_cores
-from omnidrive.cli.progress import LiveProgress
-from omnidrive.cli.studies.execution import continued_by
 from omnidrive.cli.tables import print_tables
-from omnidrive.cli.terminal import conclude, show, warn
+from omnidrive.cli.terminal import conclude, count_text, show, warn
 from omnidrive.control.controller import FALLS_BEHIND
-from omnidrive.scenario import Scenario
 from omnidrive.study import Study
-from omnidrive.study.definition import StudyDefinition
-
-
-def run_and_print(
-    scenario: Scenario,
-    folder: Path,
-    *,
-    jobs: int | None = None,
-    run_timeout: float | None = None,
-    numbered: bool = False,
-    json: bool = False,
-    full: bool = False,
-    figures: Sequence[str] = ("svg", "pdf"),
-) -> None:
-    """Run the study of a scenario, or continue it, and print its results.
-
-    Args:
-        scenario: The scenario.
-        folder: Folder for the results.
-        jobs: Number of worker processes. None: one per core.
-        run_timeout: Largest wall time of a run, s. None: no limit.
-        numbered: Whether to append -2, -3, ... to the name of a folder that exists.
-        json: Print results.json instead of tables.
-        full: Print all tables and columns.
-        figures: Formats of the figures; empty: no figures.
-
-    Raises:
-        OmnidriveError: See :func:`~omnidrive.study.run_study`.
-    """
-    definition = StudyDefinition.from_scenario(scenario, series="all")
-    with continued_by(folder, definition), LiveProgress() as progress:
-        done = study.run_study(
-            scenario,
-            folder,
-            processes=jobs or available_cores(),
-            progress=progress,
-            run_timeout=run_timeout,
-            numbered=numbered,
-            figures=figures,
-        )
-    parts = " + ".join(f"{name} {seconds:.1f} s" for name, seconds in done.timing.items())
-    total = f"{parts} = {sum(done.timing.values()):.1f} s"
-    print_results(done, json=json, full=full, lines=[total])
 
 
 def print_results(done: Study, *, json: bool, full: bool, lines: Sequence[str]) -> None:
@@ -65,12 +17,12 @@ def print_results(done: Study, *, json: bool, full: bool, lines: Sequence[str]) 
 
     Args:
         done: A study that wrote a folder.
-        json: Print results.json instead of tables.
+        json: Print results.json of a comparison instead of tables.
         full: Print all tables and columns.
         lines: Lines after the tables.
 
     Raises:
-        RunFailed: A run ended early.
+        RunFailed: A run of a comparison ended early.
     """
     folder = done.folder
     assert folder is not None
@@ -79,11 +31,14 @@ def print_results(done: Study, *, json: bool, full: bool, lines: Sequence[str]) 
     else:
         print_tables(done.tables, full=full)
         _print_events(done)
+        if not done.definition.is_comparison:
+            _print_outcomes(done)
         for line in lines:
             show(line)
     conclude(f"results: {folder} (open {folder / 'report.html'})", beside_json=json)
-    _warn_of_collisions(done)
-    done.raise_if_failed()
+    if done.definition.is_comparison:
+        _warn_of_collisions(done)
+        done.raise_if_failed()
 
 
 def _print_events(done: Study) -> None:
@@ -97,6 +52,13 @@ def _print_events(done: Study) -> None:
             show(f"{result.name}:")
         for event in events:
             show(f"  {event.t:6.2f} s  {event.what}")
+
+
+def _print_outcomes(done: Study) -> None:
+    """Print the number of runs of each outcome, and why the first ones ended early."""
+    show(f"runs: {count_text(Counter(done.table['outcome'].to_pylist()))}")
+    for number, reason in done.failures:
+        show(f"  run {number}: {reason}")
 
 
 def _warn_of_collisions(done: Study) -> None:

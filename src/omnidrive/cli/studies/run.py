@@ -84,7 +84,7 @@ def run(
 
     if out is not None:
         study.check_new_folder(out)
-    formats = figure_formats(figures, ("svg", "pdf"))
+    formats = figure_formats(figures)
     if video is not None:
         check_film(video)
     if save_robot is not None:

@@ -7,8 +7,14 @@ from typing import Annotated
 
 import typer
 
-from omnidrive.cli.options import JsonOption, flag, option
-from omnidrive.errors import InvalidInput
+from omnidrive.cli.options import (
+    FiguresOption,
+    FullOption,
+    JsonOption,
+    figure_formats,
+    flag,
+    option,
+)
 
 FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of a study.")]
 JobsOption = Annotated[
@@ -89,6 +95,8 @@ def resume(
     scheduler: SchedulerOption = None,
     allow_code: CodeOption = False,
     yes: YesOption = False,
+    figures: FiguresOption = None,
+    full: FullOption = False,
 ) -> None:
     """Continue a study that was interrupted or killed; stored runs are not computed again.
 
@@ -99,21 +107,11 @@ def resume(
     * `omnidrive study resume runs/friction`
     * `omnidrive study resume runs/paper-20260101-120000`
     """
-    from omnidrive.study.study_folder import SCENARIO_FILE, load_study
+    from omnidrive.cli.studies.execution import compute_and_print
+    from omnidrive.study.study_folder import load_study
 
     definition, until = load_study(folder, allow_code=allow_code)
-    if (folder / SCENARIO_FILE).is_file():
-        from omnidrive.cli.studies.results import run_and_print
-
-        if scheduler is not None:
-            raise InvalidInput(
-                "a comparison is computed by processes of this computer: omit --scheduler"
-            )
-        run_and_print(definition.scenario, folder, jobs=jobs, run_timeout=run_timeout)
-        return
-    from omnidrive.cli.studies.execution import execute_study
-
-    execute_study(
+    compute_and_print(
         definition,
         folder,
         jobs=jobs,
@@ -121,4 +119,6 @@ def resume(
         until=until or None,
         scheduler=scheduler,
         yes=yes,
+        full=full,
+        figures=figure_formats(figures),
     )

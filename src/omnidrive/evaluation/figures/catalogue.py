@@ -135,7 +135,7 @@ def draw_figure(known: Mapping[str, Drawing], name: str | None = None) -> Figure
 
 
 def write_figures(
-    known: Mapping[str, Drawing], folder: StrPath, formats: Sequence[str] = ("svg", "pdf")
+    known: Mapping[str, Drawing], folder: StrPath, formats: Sequence[str] = ("svg",)
 ) -> Iterator[tuple[str, Path]]:
     """Write every figure; equal results give identical files.
 

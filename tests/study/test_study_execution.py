@@ -9,8 +9,8 @@ from omnidrive.errors import CannotWrite, InvalidStore, InvalidStudy
 from omnidrive.evaluation.stop_rule import StopRule
 from omnidrive.scenario.scenario_file import scenario_data
 from omnidrive.scenario.tasks import NoiseTask, StepTask, Tasks
-from omnidrive.study import parse_definition
-from omnidrive.study.run_experiment import run_experiment
+from omnidrive.study import parse_definition, run_study
+from omnidrive.study.progress import NullProgress
 from omnidrive.study.store import Store
 from omnidrive.study.study_folder import load_study
 from tests.study.small import small_scenario
@@ -37,44 +37,65 @@ def stored(folder):
         return table_bytes(store.records())
 
 
-def interrupted(progress):
-    if progress.done >= 3:
-        raise KeyboardInterrupt
+class Interrupting(NullProgress):
+    """Progress that is interrupted when three runs are finished."""
+
+    def runs(self, progress):
+        if progress.done >= 3:
+            raise KeyboardInterrupt
+
+
+class Seen(NullProgress):
+    """Progress that keeps what it is notified of."""
+
+    def __init__(self):
+        self.seen, self.notes = [], []
+
+    def runs(self, progress):
+        self.seen.append(progress)
+
+    def note(self, text):
+        self.notes.append(text)
+
+
+def run(definition, folder, **options):
+    """Compute a study without figures."""
+    return run_study(definition, folder, figures=(), **options)
 
 
 def test_interrupted_study_continues_with_the_same_table(tmp_path):
     definition = study()
-    run_experiment(definition, tmp_path / "whole")
+    run(definition, tmp_path / "whole")
     with pytest.raises(KeyboardInterrupt):
-        run_experiment(definition, tmp_path / "cut", report=interrupted)
+        run(definition, tmp_path / "cut", progress=Interrupting())
     again, rule = load_study(tmp_path / "cut")
     assert rule == ""
-    seen = []
-    run_experiment(again, tmp_path / "cut", report=seen.append)
-    assert seen[0].done >= 4
+    progress = Seen()
+    run(again, tmp_path / "cut", progress=progress)
+    assert progress.seen[0].done >= 3
     assert stored(tmp_path / "whole") == stored(tmp_path / "cut")
-    run_experiment(definition.with_repetitions(3), tmp_path / "cut")
+    run(definition.with_repetitions(3), tmp_path / "cut")
     assert load_study(tmp_path / "cut")[0].repetitions == 3
     with Store(tmp_path / "cut", read_only=True) as store:
         assert store.records()["number"].to_pylist() == list(range(12))
 
 
 def test_folder_of_another_study_or_of_other_files_is_refused(tmp_path):
-    run_experiment(study(), tmp_path / "a")
+    run(study(), tmp_path / "a")
     with pytest.raises(CannotWrite, match=r"holds another study, 'short'; choose another folder"):
-        run_experiment(study(axes={"sample_time": [0.05]}), tmp_path / "a")
+        run(study(axes={"sample_time": [0.05]}), tmp_path / "a")
     with pytest.raises(CannotWrite, match="is not empty; choose a new folder"):
-        run_experiment(study(), tmp_path)
+        run(study(), tmp_path)
     with pytest.raises(InvalidStore, match=r"there is no study in .*: no file study\.yaml"):
         load_study(tmp_path)
 
 
 def test_series_are_kept_if_the_study_says_so(tmp_path):
-    run_experiment(study(series="all"), tmp_path / "all")
+    run(study(series="all"), tmp_path / "all")
     names = sorted(path.name for path in (tmp_path / "all" / "series").iterdir())
     assert names == [f"{number:06d}.parquet" for number in range(8)]
     assert pq.read_table(tmp_path / "all" / "series" / names[0])["t"].to_pylist()[-1] == 1.0
-    run_experiment(study(series="failed"), tmp_path / "failed")
+    run(study(series="failed"), tmp_path / "failed")
     assert not (tmp_path / "failed" / "series").exists()
 
 
@@ -82,24 +103,23 @@ def test_repetitions_are_added_until_the_interval_is_narrow(tmp_path):
     tasks = Tasks(noise=NoiseTask(durations=(20.0,)))
     scenario = small_scenario(controllers=("feedforward",), tasks=tasks)
     definition = study(scenario=scenario_data(scenario), axes={})
-    rule, notes = StopRule.parse("me:8mm"), []
-    run_experiment(definition, tmp_path, until=rule, note=notes.append, max_repetitions=200)
+    rule, first, second = StopRule.parse("me:8mm"), Seen(), Seen()
+    run(definition, tmp_path, until=rule, progress=first, max_repetitions=200)
     with Store(tmp_path, read_only=True) as store:
         table = store.records()
         assert store.fact("until") == "me:0.008"
     assert 2 < table.num_rows < 200
     assert table["repetition"].to_pylist() == list(range(table.num_rows))
-    assert "reached" in notes[-1]
+    assert "reached" in first.notes[-1]
     assert rule.check(table).reached
     assert load_study(tmp_path)[1] == "me:0.008"
-    again = []
-    run_experiment(definition, tmp_path, until=rule, note=again.append, max_repetitions=200)
-    assert again[-1] == notes[-1]
+    run(definition, tmp_path, until=rule, progress=second, max_repetitions=200)
+    assert second.notes[-1] == first.notes[-1]
 
 
 def test_too_many_runs_need_a_confirmation(tmp_path):
     large = replace(study(), repetitions=1_000_000)
     large = replace(large, axes=(*large.axes, *study(axes={"seed": list(range(9))}).axes))
     with pytest.raises(InvalidStudy, match=r"confirm the number with --yes"):
-        run_experiment(large, tmp_path / "large")
+        run(large, tmp_path / "large")
     assert not (tmp_path / "large").exists()
