@@ -8,12 +8,15 @@ from dataclasses import dataclass, field
 from math import hypot
 
 import numpy as np
+from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidRobot, one_line, suggestion
 from omnidrive.robot.imports.draft import RobotDraft
-from omnidrive.robot.imports.rotations import Matrix, Vector
-from omnidrive.robot.imports.wheel_mounts import Axle, is_roller, listed, mount_wheels, tidy
+from omnidrive.robot.imports.wheel_mounts import Axle, Vector, is_roller, listed, mount_wheels, tidy
 from omnidrive.robot.robot import MAX_WHEELS
+
+Matrix = Float[Array, "3 3"]
 
 _WHEEL_NAME = re.compile(r"wheel|mecanum|omni|rueda|roue|rad(?![a-z])|tire|tyre", re.IGNORECASE)
 _OTHER_NAME = re.compile(r"roller|caster|castor|steer|swivel|suspension|spring", re.IGNORECASE)

@@ -12,11 +12,10 @@ import numpy as np
 from omnidrive.errors import InvalidRobot, one_line
 from omnidrive.files.xml_elements import Element
 from omnidrive.robot.imports.attributes import words
-from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Motion, Shape
+from omnidrive.robot.imports.mechanism import Body, Joint, Matrix, Mechanism, Motion, Shape
 from omnidrive.robot.imports.mjcf_motors import add_motors
 from omnidrive.robot.imports.mjcf_source import MjcfSource, ReadXml
-from omnidrive.robot.imports.rotations import Matrix, Vector
-from omnidrive.robot.imports.wheel_mounts import listed
+from omnidrive.robot.imports.wheel_mounts import Vector, listed
 
 _POINT = 1e-4  # m; radius of the sphere in place of a mesh; MuJoCo gives smaller ones no mass
 _MIN_MASS = 1e-12  # kg; of a body without a known mass, which MuJoCo does not compile

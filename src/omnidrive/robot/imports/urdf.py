@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from omnidrive.files.xml_elements import Element
 from omnidrive.robot.imports.attributes import (
@@ -13,9 +14,8 @@ from omnidrive.robot.imports.attributes import (
     positive_or_zero,
     words,
 )
-from omnidrive.robot.imports.mechanism import Body, Joint, Mechanism, Motion, Shape
-from omnidrive.robot.imports.rotations import Matrix, Vector, about
-from omnidrive.robot.imports.wheel_mounts import listed
+from omnidrive.robot.imports.mechanism import Body, Joint, Matrix, Mechanism, Motion, Shape
+from omnidrive.robot.imports.wheel_mounts import Vector, listed
 
 _HINGES = {"continuous", "revolute"}
 _ROOT_TAGS = {
@@ -181,6 +181,5 @@ def _origin(element: Element) -> tuple[Matrix, Vector]:
     origin = element.first("origin")
     if origin is None:
         return np.eye(3), np.zeros(3)
-    roll, pitch, yaw = numbers(origin, "rpy", 3, (0.0, 0.0, 0.0)).tolist()
-    rotation = about(2, yaw) @ about(1, pitch) @ about(0, roll)
-    return rotation, numbers(origin, "xyz", 3, (0.0, 0.0, 0.0))
+    rotation = Rotation.from_euler("xyz", numbers(origin, "rpy", 3, (0.0, 0.0, 0.0)))
+    return rotation.as_matrix(), numbers(origin, "xyz", 3, (0.0, 0.0, 0.0))

@@ -8,11 +8,14 @@ from dataclasses import dataclass
 from math import atan2, cos, hypot, pi, sin
 
 import numpy as np
+from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidRobot
 from omnidrive.robot.imports.draft import mecanum_roller, roller_angle
-from omnidrive.robot.imports.rotations import Vector
 from omnidrive.robot.mount import Mount
+
+Vector = Float[Array, " 3"]
 
 _PARALLEL = 0.1  # rad
 _SAME_ANGLE = 0.1  # rad; largest spread of the angles of the rollers of a wheel
