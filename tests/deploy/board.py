@@ -6,16 +6,38 @@ import select
 import socket
 import threading
 import time
-from math import pi
+from math import isfinite, pi
 
-from omnidrive.deploy.links.wheel_protocol import (
-    Hello,
-    Report,
-    hello_line,
-    is_hello_request,
-    parse_command,
-    report_line,
-)
+from omnidrive.deploy.links.wheel_protocol import MAX_WHEELS, Hello, Report, _fields, _line
+
+
+def hello_line(hello):
+    """Return the answer of a board to the request for its greeting."""
+    watchdog = round(1e3 * hello.watchdog)
+    return _line(f"H,{hello.version},{hello.wheels},{hello.counts},{watchdog}")
+
+
+def report_line(report):
+    """Return the line of a report."""
+    counts = ",".join(str(count) for count in report.counts)
+    return _line(f"E,{report.sequence},{report.stamp},{report.acknowledged},{counts}")
+
+
+def parse_command(line):
+    """Return number and wheel speeds, rad/s, of a command; None: damaged, or of another kind."""
+    fields = _fields(line)
+    if fields is None or fields[0] != "W" or not 3 <= len(fields) <= 2 + MAX_WHEELS:
+        return None
+    try:
+        sequence, speeds = int(fields[1]), tuple(map(float, fields[2:]))
+    except ValueError:
+        return None
+    return (sequence, speeds) if all(map(isfinite, speeds)) else None
+
+
+def is_hello_request(line):
+    """Return whether a line asks for the greeting."""
+    return _fields(line) == ["H"]
 
 
 class Board:

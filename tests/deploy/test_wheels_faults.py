@@ -20,16 +20,19 @@ from omnidrive.deploy.links.wheel_counts import STUCK_TIME, WITHHELD
 from omnidrive.deploy.links.wheel_protocol import (
     Hello,
     Report,
-    hello_line,
-    is_hello_request,
-    parse_command,
-    report_line,
 )
 from omnidrive.deploy.links.wheels import WheelsLink
 from omnidrive.estimation import EstimatorSettings, PoseEstimator, SensorSettings
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Hold
-from tests.deploy.board import SerialBoard, UdpBoard
+from tests.deploy.board import (
+    SerialBoard,
+    UdpBoard,
+    hello_line,
+    is_hello_request,
+    parse_command,
+    report_line,
+)
 
 ROBOT = named_robot("small")
 WHEELS = len(ROBOT.mounts)

@@ -19,12 +19,8 @@ from omnidrive.deploy.links.wheel_protocol import (
     Report,
     command_line,
     count_difference,
-    hello_line,
     hello_request,
-    is_hello_request,
     parse,
-    parse_command,
-    report_line,
     sequence_difference,
     stamp_difference,
 )
@@ -34,7 +30,14 @@ from omnidrive.errors import InvalidInput
 from omnidrive.estimation import EstimatorSettings, PoseEstimator, SensorSettings
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Hold
-from tests.deploy.board import SerialBoard, UdpBoard
+from tests.deploy.board import (
+    SerialBoard,
+    UdpBoard,
+    hello_line,
+    is_hello_request,
+    parse_command,
+    report_line,
+)
 
 ROBOT = named_robot("small")
 WHEELS = len(ROBOT.mounts)

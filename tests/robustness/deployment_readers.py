@@ -14,12 +14,8 @@ from omnidrive.deploy.links.wheel_protocol import (
     Hello,
     Report,
     command_line,
-    hello_line,
     hello_request,
-    is_hello_request,
     parse,
-    parse_command,
-    report_line,
 )
 from omnidrive.deploy.log import DriveLog, read_log
 from omnidrive.deploy.log.logged_event import Continued, Dropped, decode_event, encode_event
@@ -31,6 +27,7 @@ from omnidrive.files.bounded_file import read_bounded
 from omnidrive.geometry import BodyTwist
 from omnidrive.ros2 import decode, encode, message_type
 from omnidrive.ros2.planar_messages import grid_of, pose_of, twist_of
+from tests.deploy.board import hello_line, is_hello_request, parse_command, report_line
 from tests.deploy.simulated_drive import DT, START, circle, controller, link
 from tests.robustness.reader import Reader
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import binascii
-from math import isfinite
 from typing import NamedTuple
 
 VERSION = 1
@@ -51,18 +50,6 @@ def command_line(sequence: int, speeds: tuple[float, ...]) -> bytes:
     return _line(f"W,{sequence % _SEQUENCES}," + ",".join(f"{speed:.4f}" for speed in speeds))
 
 
-def hello_line(hello: Hello) -> bytes:
-    """Return the answer of a board to :func:`hello_request`."""
-    watchdog = round(1e3 * hello.watchdog)
-    return _line(f"H,{hello.version},{hello.wheels},{hello.counts},{watchdog}")
-
-
-def report_line(report: Report) -> bytes:
-    """Return the line of a report."""
-    counts = ",".join(str(count) for count in report.counts)
-    return _line(f"E,{report.sequence},{report.stamp},{report.acknowledged},{counts}")
-
-
 def parse(line: bytes) -> Hello | Report | None:
     """Return what a line of a board says; None: it is damaged, or of another kind."""
     fields = _fields(line)
@@ -83,23 +70,6 @@ def parse(line: bytes) -> Hello | Report | None:
         )
         return Report(sequence, stamp, acknowledged, tuple(counted)) if in_range else None
     return None
-
-
-def parse_command(line: bytes) -> tuple[int, tuple[float, ...]] | None:
-    """Return number and wheel speeds, rad/s, of a command; None: damaged, or of another kind."""
-    fields = _fields(line)
-    if fields is None or fields[0] != "W" or not 3 <= len(fields) <= 2 + MAX_WHEELS:
-        return None
-    try:
-        sequence, speeds = int(fields[1]), tuple(map(float, fields[2:]))
-    except ValueError:
-        return None
-    return (sequence, speeds) if all(map(isfinite, speeds)) else None
-
-
-def is_hello_request(line: bytes) -> bool:
-    """Return whether a line asks for :class:`Hello`."""
-    return _fields(line) == ["H"]
 
 
 def wrapped_difference(later: int, earlier: int, modulus: int) -> int:
