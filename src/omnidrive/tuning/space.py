@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from omnidrive.arrays import Array
 from omnidrive.choices import PresetName
-from omnidrive.components import Configured, plain
+from omnidrive.components import Configured
 from omnidrive.components.fields import field_names
 from omnidrive.errors import InvalidInput, one_line, suggestion
 from omnidrive.parameter import Bounds, check_choice, is_number
@@ -262,21 +262,3 @@ def _assign(data: Any, path: Sequence[str], value: float | int) -> None:
         data[int(last)] = value
     else:
         data[last] = value
-
-
-def changed_values(before: Configured, after: Configured) -> dict[str, Any]:
-    """Return the values of ``after`` that differ from ``before``, nested as in a scenario."""
-    return _changed(before.values, after.values)
-
-
-def _changed(before: Any, after: Mapping[str, Any]) -> dict[str, Any]:
-    known = before if isinstance(before, dict) else {}
-    found: dict[str, Any] = {}
-    for name, value in after.items():
-        if isinstance(value, dict):
-            inner = _changed(known.get(name), value)
-            if inner:
-                found[name] = inner
-        elif value != known.get(name):
-            found[name] = plain(value)
-    return found
