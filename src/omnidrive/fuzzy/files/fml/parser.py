@@ -1,82 +1,20 @@
-"""Syntax tree of a text in the fuzzy markup language."""
+"""Elements of a text in the fuzzy markup language."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-from omnidrive.files.position import Position
 from omnidrive.files.xml_elements import Element, read_xml
-from omnidrive.fuzzy.position import malformed, parse_number
+from omnidrive.fuzzy.position import malformed
 from omnidrive.fuzzy.system import MAX_RULES, MAX_VARIABLES
 from omnidrive.fuzzy.variables import MAX_SETS
 
-VARIABLES = ("fuzzyVariable", "tskVariable")
+VARIABLES = {"fuzzyVariable": "fuzzyTerm", "tskVariable": "tskTerm"}
+"""Elements of a knowledge base, and the elements in them."""
+
 RULE_BASES = ("mamdaniRuleBase", "tskRuleBase", "ruleBase")
 
 
-class FuzzyTermEntry(NamedTuple):
-    """Element ``fuzzyTerm``."""
-
-    name: str
-    position: Position
-    is_complement: bool
-    shape: Element
-
-
-class TskTermEntry(NamedTuple):
-    """Element ``tskTerm``."""
-
-    name: str
-    position: Position
-    order: str
-    values: tuple[float, ...]
-    """The constant, then the coefficients."""
-
-
-class VariableEntry(NamedTuple):
-    """Element ``fuzzyVariable`` or ``tskVariable``."""
-
-    name: str
-    element: Element
-    terms: tuple[FuzzyTermEntry, ...]
-    """Of a fuzzyVariable."""
-    functions: tuple[TskTermEntry, ...]
-    """Of a tskVariable."""
-
-
-class ClauseEntry(NamedTuple):
-    """Element ``clause`` or ``tskClause``."""
-
-    element: Element
-    variable: str
-    term: str
-
-
-class RuleEntry(NamedTuple):
-    """Element ``rule`` or ``tskRule``."""
-
-    element: Element
-    antecedent: tuple[ClauseEntry, ...]
-    consequents: tuple[ClauseEntry, ...]
-
-
-class RuleBaseEntry(NamedTuple):
-    """Element ``mamdaniRuleBase``, ``tskRuleBase`` or ``ruleBase``."""
-
-    element: Element
-    rules: tuple[RuleEntry, ...]
-
-
-class FmlFile(NamedTuple):
-    """Element ``fuzzySystem``."""
-
-    name: str
-    variables: tuple[VariableEntry, ...]
-    rule_bases: tuple[RuleBaseEntry, ...]
-
-
-def parse(text: str) -> FmlFile:
-    """Parse a text in the fuzzy markup language.
+def parse(text: str) -> Element:
+    """Return the element ``fuzzySystem``, whose variables, terms, rules and clauses are supported.
 
     Raises:
         InvalidFuzzyFile: The text is not XML, an element is missing or not supported, or there are
@@ -85,84 +23,60 @@ def parse(text: str) -> FmlFile:
     root = read_xml(text, malformed)
     if root.tag != "fuzzySystem":
         raise malformed(root.position, f"expected fuzzySystem, got {root.tag[:40]!r}")
-    variables = _variables(root.one("knowledgeBase"))
-    bases: list[RuleBaseEntry] = []
-    count = 0
-    for each in root.children:
-        if each.tag != "knowledgeBase":
-            bases.append(_rule_base(each, MAX_RULES - count))
-            count += len(bases[-1].rules)
-    return FmlFile(root.attributes.get("name", ""), variables, tuple(bases))
+    _check_variables(root.one("knowledgeBase"))
+    rules = [rule for base in rule_bases(root) for rule in _rules(base)]
+    if len(rules) > MAX_RULES:
+        raise malformed(rules[MAX_RULES].position, f"more than {MAX_RULES} rules")
+    for each in rules:
+        _check_rule(each)
+    return root
 
 
-def _variables(base: Element) -> tuple[VariableEntry, ...]:
+def rule_bases(root: Element) -> list[Element]:
+    """Return the rule bases of a ``fuzzySystem``."""
+    return [each for each in root.children if each.tag != "knowledgeBase"]
+
+
+def antecedent(rule: Element) -> list[Element]:
+    """Return the clauses of a rule's antecedent."""
+    return rule.one("antecedent").children
+
+
+def consequents(rule: Element) -> list[Element]:
+    """Return the clauses of a rule's consequent."""
+    return rule.one("consequent", "tskConsequent").one("then", "tskThen").children
+
+
+def _check_variables(base: Element) -> None:
     if len(base.children) > 2 * MAX_VARIABLES:
         raise malformed(base.children[2 * MAX_VARIABLES].position, "too many variables")
-    found = []
     for each in base.children:
         if each.tag not in VARIABLES:
             supported = " and ".join(VARIABLES)
             raise malformed(each.position, f"{each.tag[:40]!r} is not supported, only {supported}")
-        name = each.get("name")
-        if each.tag == "fuzzyVariable":
-            terms = tuple(_fuzzy_term(term) for term in _children(each, "fuzzyTerm"))
-            found.append(VariableEntry(name, each, terms, ()))
-        else:
-            functions = tuple(_tsk_term(term) for term in _children(each, "tskTerm"))
-            found.append(VariableEntry(name, each, (), functions))
-    return tuple(found)
+        expected = VARIABLES[each.tag]
+        for term in each.children:
+            if term.tag != expected:
+                raise malformed(
+                    term.position, f"{each.tag}: expected {expected}, got {term.tag[:40]!r}"
+                )
+        if len(each.children) > MAX_SETS:
+            raise malformed(each.children[MAX_SETS].position, f"more than {MAX_SETS} terms")
 
 
-def _children(element: Element, tag: str) -> list[Element]:
-    for each in element.children:
-        if each.tag != tag:
-            raise malformed(each.position, f"{element.tag}: expected {tag}, got {each.tag[:40]!r}")
-    if len(element.children) > MAX_SETS:
-        raise malformed(element.children[MAX_SETS].position, f"more than {MAX_SETS} terms")
-    return element.children
-
-
-def _fuzzy_term(term: Element) -> FuzzyTermEntry:
-    name = term.get("name")
-    complement = term.attributes.get("complement", "false").lower()
-    if complement not in {"true", "false"}:
-        raise malformed(term.position, f"complement: expected true or false, got {complement!r}")
-    if len(term.children) != 1:
-        raise malformed(term.position, f"fuzzyTerm: expected one shape, got {len(term.children)}")
-    return FuzzyTermEntry(name, term.position, complement == "true", term.children[0])
-
-
-def _tsk_term(term: Element) -> TskTermEntry:
-    values = tuple(parse_number(each.text.strip(), each.position) for each in term.all("tskValue"))
-    order = term.attributes.get("order", "0").strip()
-    return TskTermEntry(term.get("name"), term.position, order, values)
-
-
-def _rule_base(base: Element, limit: int) -> RuleBaseEntry:
+def _rules(base: Element) -> list[Element]:
     if base.tag not in RULE_BASES:
         supported = ", ".join(RULE_BASES)
         raise malformed(base.position, f"{base.tag[:40]!r} is not supported, only {supported}")
-    rules: list[RuleEntry] = []
     for rule in base.children:
         if rule.tag not in {"rule", "tskRule"}:
             raise malformed(rule.position, f"expected a rule or tskRule, got {rule.tag[:40]!r}")
-        if len(rules) >= limit:
-            raise malformed(rule.position, f"more than {MAX_RULES} rules")
-        rules.append(_rule(rule))
-    return RuleBaseEntry(base, tuple(rules))
+    return base.children
 
 
-def _rule(rule: Element) -> RuleEntry:
-    antecedent = tuple(_clause(each) for each in rule.one("antecedent").children)
-    consequent = rule.one("consequent", "tskConsequent")
-    for each in consequent.all("else", "tskElse"):
+def _check_rule(rule: Element) -> None:
+    for each in rule.one("consequent", "tskConsequent").all("else", "tskElse"):
         raise malformed(each.position, "an else is not supported; write another rule")
-    then = consequent.one("then", "tskThen")
-    return RuleEntry(rule, antecedent, tuple(_clause(each) for each in then.children))
-
-
-def _clause(clause: Element) -> ClauseEntry:
-    if clause.tag not in {"clause", "tskClause"}:
-        raise malformed(clause.position, f"expected a clause, got {clause.tag[:40]!r}")
-    variable = clause.one("variable").text.strip()
-    return ClauseEntry(clause, variable, clause.one("term").text.strip())
+    for each in (*antecedent(rule), *consequents(rule)):
+        if each.tag not in {"clause", "tskClause"}:
+            raise malformed(each.position, f"expected a clause, got {each.tag[:40]!r}")

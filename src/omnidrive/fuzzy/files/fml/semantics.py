@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 from omnidrive.errors import InvalidInput
@@ -15,16 +16,7 @@ from omnidrive.fuzzy.files.assembly import (
     locate_errors,
     values_of,
 )
-from omnidrive.fuzzy.files.fml.parser import (
-    ClauseEntry,
-    FmlFile,
-    FuzzyTermEntry,
-    RuleBaseEntry,
-    RuleEntry,
-    TskTermEntry,
-    VariableEntry,
-    parse,
-)
+from omnidrive.fuzzy.files.fml.parser import antecedent, consequents, parse, rule_bases
 from omnidrive.fuzzy.membership import MAX_POINTS, Membership
 from omnidrive.fuzzy.position import malformed, parse_number
 from omnidrive.fuzzy.rules import And, Antecedent, Hedge, Is, Or, Rule
@@ -127,8 +119,8 @@ def read_fml(text: str) -> FuzzySystem:
 class _Builder:
     """Builder of the system."""
 
-    def __init__(self, file: FmlFile) -> None:
-        self._file = file
+    def __init__(self, root: Element) -> None:
+        self._root = root
         self._inputs: list[InputVariable] = []
         self._outputs: list[OutputVariable] = []
         self._complements: set[tuple[str, str]] = set()
@@ -138,10 +130,10 @@ class _Builder:
     def system(self) -> FuzzySystem:
         """Return the system."""
         self._variables()
-        bases = [self._rule_base(each) for each in self._file.rule_bases]
+        bases = [self._rule_base(each) for each in rule_bases(self._root)]
         defaults = {name: value for base in reversed(bases) for name, value in base.items()}
         return assemble_system(
-            self._file.name,
+            self._root.attributes.get("name", ""),
             self._inputs,
             self._outputs,
             self._rules,
@@ -152,30 +144,28 @@ class _Builder:
 
     def _variables(self) -> None:
         """Read all inputs before the functions of the inputs."""
-        variables = self._file.variables
-        for each in variables:
-            if each.element.tag == "fuzzyVariable":
-                self._fuzzy_variable(each)
-        for each in variables:
-            if each.element.tag == "tskVariable":
-                self._outputs.append(self._tsk_variable(each))
-        order = [each.name for each in variables]
+        base = self._root.one("knowledgeBase")
+        for each in base.all("fuzzyVariable"):
+            self._fuzzy_variable(each)
+        for each in base.all("tskVariable"):
+            self._outputs.append(self._tsk_variable(each))
+        order = [each.get("name") for each in base.children]
         self._outputs.sort(key=lambda output: order.index(output.name))
 
-    def _fuzzy_variable(self, entry: VariableEntry) -> None:
-        element = entry.element
+    def _fuzzy_variable(self, element: Element) -> None:
+        name = element.get("name")
         kind = element.attributes.get("type", "input").lower()
         if kind not in {"input", "output"}:
             raise malformed(element.position, f"type: expected input or output, got {kind[:40]!r}")
         low = parse_number(element.get("domainleft"), element.position)
         high = parse_number(element.get("domainright"), element.position)
-        sets = tuple(self._set(entry.name, term) for term in entry.terms)
+        sets = tuple(self._set(name, term) for term in element.children)
         with locate_errors(element.position):
             if kind == "input":
-                self._inputs.append(InputVariable(entry.name, low, high, sets))
+                self._inputs.append(InputVariable(name, low, high, sets))
                 return
             output = OutputVariable(
-                entry.name,
+                name,
                 low,
                 high,
                 sets,
@@ -184,48 +174,58 @@ class _Builder:
             )
             self._outputs.append(_with_default(element, output))
 
-    def _set(self, variable: str, term: FuzzyTermEntry) -> FuzzySet:
-        if term.is_complement:
-            self._complements.add((variable, term.name))
+    def _set(self, variable: str, term: Element) -> FuzzySet:
+        name = term.get("name")
+        complement = term.attributes.get("complement", "false").lower()
+        if complement not in {"true", "false"}:
+            raise malformed(
+                term.position, f"complement: expected true or false, got {complement!r}"
+            )
+        if complement == "true":
+            self._complements.add((variable, name))
+        if len(term.children) != 1:
+            raise malformed(
+                term.position, f"fuzzyTerm: expected one shape, got {len(term.children)}"
+            )
         with locate_errors(term.position):
-            return FuzzySet(term.name, _membership(term.shape))
+            return FuzzySet(name, _membership(term.children[0]))
 
-    def _tsk_variable(self, entry: VariableEntry) -> OutputVariable:
-        element = entry.element
+    def _tsk_variable(self, element: Element) -> OutputVariable:
+        name = element.get("name")
         _choice(element, "combination", {"WA": "wtaver"}, "WA")
         if element.attributes.get("type", "output").lower() != "output":
             raise malformed(element.position, "type: a tskVariable must be an output")
-        functions = tuple(self._function(term) for term in entry.functions)
+        functions = tuple(self._function(term) for term in element.children)
         with locate_errors(element.position):
             low, high = _stored_range(element) or values_of(functions, self._inputs)
-            output = OutputVariable(entry.name, low, high, functions)
+            output = OutputVariable(name, low, high, functions)
             return _with_default(element, output)
 
-    def _function(self, term: TskTermEntry) -> LinearFunction:
-        expected = {"0": 1, "1": 1 + len(self._inputs)}.get(term.order)
+    def _function(self, term: Element) -> LinearFunction:
+        name = term.get("name")
+        values = [parse_number(each.text.strip(), each.position) for each in term.all("tskValue")]
+        order = term.attributes.get("order", "0").strip()
+        expected = {"0": 1, "1": 1 + len(self._inputs)}.get(order)
         if expected is None:
-            raise malformed(term.position, f"order: expected 0 or 1, got {term.order[:40]!r}")
-        if len(term.values) != expected:
+            raise malformed(term.position, f"order: expected 0 or 1, got {order[:40]!r}")
+        if len(values) != expected:
             raise malformed(
                 term.position,
-                f"tskTerm of order {term.order}: expected {expected} values, "
-                f"got {len(term.values)}",
+                f"tskTerm of order {order}: expected {expected} values, got {len(values)}",
             )
         with locate_errors(term.position):
-            return LinearFunction(term.name, term.values[0], term.values[1:])
+            return LinearFunction(name, values[0], tuple(values[1:]))
 
-    def _rule_base(self, base: RuleBaseEntry) -> dict[str, str]:
+    def _rule_base(self, base: Element) -> dict[str, str]:
         """Read the rules of a base and return its methods."""
-        element = base.element
         methods = {
-            "andMethod": _choice(element, "andMethod", _READ_CONJUNCTIONS, "MIN"),
-            "orMethod": _choice(element, "orMethod", _READ_DISJUNCTIONS, "MAX"),
-            "activationMethod": _choice(element, "activationMethod", _READ_ACTIVATIONS, "MIN"),
+            "andMethod": _choice(base, "andMethod", _READ_CONJUNCTIONS, "MIN"),
+            "orMethod": _choice(base, "orMethod", _READ_DISJUNCTIONS, "MAX"),
+            "activationMethod": _choice(base, "activationMethod", _READ_ACTIVATIONS, "MIN"),
         }
-        for rule in base.rules:
-            position = rule.element.position
-            self._rules.append(LocatedRule(self._rule(rule, methods), position))
-            self._set_operator(rule.element, "activationMethod", methods["activationMethod"])
+        for rule in base.children:
+            self._rules.append(LocatedRule(self._rule(rule, methods), rule.position))
+            self._set_operator(rule, "activationMethod", methods["activationMethod"])
         return methods
 
     def _set_operator(self, element: Element, method: str, name: str) -> None:
@@ -236,15 +236,14 @@ class _Builder:
                 "it; only one is supported",
             )
 
-    def _rule(self, entry: RuleEntry, methods: dict[str, str]) -> Rule:
-        element = entry.element
-        parts = tuple(self._proposition(each, False) for each in entry.antecedent)
-        consequents = tuple(self._proposition(each, True) for each in entry.consequents)
+    def _rule(self, element: Element, methods: dict[str, str]) -> Rule:
+        parts = tuple(self._proposition(each, False) for each in antecedent(element))
+        then = tuple(self._proposition(each, True) for each in consequents(element))
         weight = parse_number(element.attributes.get("weight", "1"), element.position)
         with locate_errors(element.position):
             if not parts:
                 raise InvalidInput("a rule needs a clause in its antecedent")
-            return Rule(self._antecedent(element, parts, methods), consequents, weight)
+            return Rule(self._antecedent(element, parts, methods), then, weight)
 
     def _antecedent(
         self, element: Element, parts: tuple[Is, ...], methods: dict[str, str]
@@ -264,16 +263,18 @@ class _Builder:
         )
         return And(parts) if connector == "and" else Or(parts)
 
-    def _proposition(self, clause: ClauseEntry, is_consequent: bool) -> Is:
+    def _proposition(self, clause: Element, is_consequent: bool) -> Is:
+        variable = clause.one("variable").text.strip()
+        term = clause.one("term").text.strip()
         hedges: tuple[Hedge, ...] = ()
-        if "modifier" in clause.element.attributes:
-            hedges = (_choice(clause.element, "modifier", _READ_MODIFIERS, ""),)
+        if "modifier" in clause.attributes:
+            hedges = (_choice(clause, "modifier", _READ_MODIFIERS, ""),)
         if hedges == ("any",):
-            return Is(clause.variable, "", hedges)
-        if (clause.variable, clause.term) in self._complements:
+            return Is(variable, "", hedges)
+        if (variable, term) in self._complements:
             hedges = () if is_consequent and hedges == ("not",) else (*hedges, "not")
-        with locate_errors(clause.element.position):
-            return Is(clause.variable, clause.term, hedges)
+        with locate_errors(clause.position):
+            return Is(variable, term, hedges)
 
 
 def _membership(shape: Element) -> Membership:
@@ -357,12 +358,4 @@ def _with_default(element: Element, output: OutputVariable) -> OutputVariable:
     value = parse_number(element.attributes.get("defaultValue", "0"), element.position)
     if value == output.fallback:
         return output
-    return OutputVariable(
-        output.name,
-        output.low,
-        output.high,
-        output.sets,
-        output.aggregation,
-        output.defuzzifier,
-        value,
-    )
+    return replace(output, default=value)
