@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import inf, pi
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
@@ -169,7 +169,7 @@ class SolverOverrun(_BaseFault):
     """Duration; None: until the end of the run."""
 
 
-Fault = Annotated[
+_AnyFault = (
     Push
     | Slope
     | PayloadShift
@@ -181,23 +181,12 @@ Fault = Annotated[
     | PoseJump
     | SilentSensor
     | PeriodJitter
-    | SolverOverrun,
-    Field(discriminator="kind"),
-]
+    | SolverOverrun
+)
+Fault = Annotated[_AnyFault, Field(discriminator="kind")]
 
 FAULTS: dict[FaultKind, type[_BaseFault]] = {
-    "push": Push,
-    "slope": Slope,
-    "payload": PayloadShift,
-    "patch": SlipperyPatch,
-    "wheel-dead": DeadWheel,
-    "wheel-locked": LockedWheel,
-    "wheel-weak": WeakWheel,
-    "encoder-dead": DeadEncoder,
-    "pose-jump": PoseJump,
-    "sensor-silent": SilentSensor,
-    "period-jitter": PeriodJitter,
-    "solver-overrun": SolverOverrun,
+    each.model_fields["kind"].default: each for each in get_args(_AnyFault)
 }
 """Every kind of fault by its name."""
 
