@@ -73,6 +73,20 @@ def to_world(twist: BodyTwist, yaw: float) -> WorldTwist:
     return WorldTwist(c * twist.vx - s * twist.vy, s * twist.vx + c * twist.vy, twist.yaw_rate)
 
 
+def compose(pose: Pose, other: Pose) -> Pose:
+    """Return the pose ``other``, given in the frame of ``pose``, in the frame of that pose."""
+    c, s = cos(pose.yaw), sin(pose.yaw)
+    return Pose(
+        pose.x + c * other.x - s * other.y, pose.y + s * other.x + c * other.y, pose.yaw + other.yaw
+    )
+
+
+def inverse(pose: Pose) -> Pose:
+    """Return the pose of the parent in the child's frame."""
+    c, s = cos(pose.yaw), sin(pose.yaw)
+    return Pose(-c * pose.x - s * pose.y, s * pose.x - c * pose.y, -pose.yaw)
+
+
 def move(pose: Pose, twist: BodyTwist, dt: float) -> Pose:
     """Return the pose after a constant ``twist`` over ``dt`` s: the exponential map of SE(2).
 

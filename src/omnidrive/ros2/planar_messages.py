@@ -70,20 +70,6 @@ def set_twist(message: Any, twist: BodyTwist) -> None:
     message.linear.x, message.linear.y, message.angular.z = twist
 
 
-def compose(pose: Pose, other: Pose) -> Pose:
-    """Return the pose ``other``, given in the frame of ``pose``, in the frame of that pose."""
-    c, s = cos(pose.yaw), sin(pose.yaw)
-    return Pose(
-        pose.x + c * other.x - s * other.y, pose.y + s * other.x + c * other.y, pose.yaw + other.yaw
-    )
-
-
-def inverse(pose: Pose) -> Pose:
-    """Return the pose of the parent in the child's frame."""
-    c, s = cos(pose.yaw), sin(pose.yaw)
-    return Pose(-c * pose.x - s * pose.y, s * pose.x - c * pose.y, -pose.yaw)
-
-
 def planar_covariance(sigmas: tuple[float, float, float]) -> np.ndarray:
     """Return the 36 entries of the covariance of x, y and yaw; other axes are not measured."""
     diagonal = np.array([sigmas[0], sigmas[1], 1e3, 1e3, 1e3, sigmas[2]]) ** 2

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from omnidrive.errors import one_line
-from omnidrive.geometry import Pose
-from omnidrive.ros2.planar_messages import compose
+from omnidrive.geometry import Pose, compose
 
 MAX_FRAMES = 1000
 """Largest number of frames that are kept."""

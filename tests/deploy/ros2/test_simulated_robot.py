@@ -14,20 +14,12 @@ from omnidrive.deploy.ros2.simulated_robot import (
     scan_ranges,
 )
 from omnidrive.errors import InvalidInput, InvalidMap
-from omnidrive.geometry import Pose
+from omnidrive.geometry import Pose, compose, inverse
 from omnidrive.maps import OccupancyGrid
 from omnidrive.robot import named_robot
 from omnidrive.robot.imports import import_robot
 from omnidrive.ros2 import LATCHED_QOS, SENSOR_QOS, Node, Qos, message_type
-from omnidrive.ros2.planar_messages import (
-    compose,
-    grid_of,
-    inverse,
-    map_message,
-    pose_of,
-    set_pose,
-    transform_of,
-)
+from omnidrive.ros2.planar_messages import grid_of, map_message, pose_of, set_pose, transform_of
 from omnidrive.ros2.robot_description import robot_description
 from omnidrive.ros2.ros_time import RosClock, seconds, stamp
 from omnidrive.simulation import KinematicPlant

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from omnidrive.geometry import Pose, wrap
+from omnidrive.geometry import Pose, compose, wrap
 from omnidrive.simulation.coppeliasim.object_pose import (
-    compose,
     planar_pose,
     relative_pose,
     transport,

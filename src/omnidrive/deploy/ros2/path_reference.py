@@ -12,13 +12,13 @@ from scipy.interpolate import CubicHermiteSpline
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference, one_line
-from omnidrive.geometry import Pose, WorldTwist, wrap
+from omnidrive.geometry import Pose, WorldTwist, compose, wrap
 from omnidrive.planning import SplinePath
 from omnidrive.reference import MotionLimits, Reference, time_within_limits
 from omnidrive.reference.waypoint_reference import spline_along
 from omnidrive.reference.waypoints.waypoints import untimed_waypoints
 from omnidrive.robot import Robot
-from omnidrive.ros2.planar_messages import compose, pose_of
+from omnidrive.ros2.planar_messages import pose_of
 from omnidrive.ros2.transform_tree import TransformTree
 
 _MAX_POSES = 100_000

@@ -14,17 +14,11 @@ from omnidrive.deploy.drive_state import EVENT
 from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation
 from omnidrive.errors import one_line
 from omnidrive.estimation import PoseFix
-from omnidrive.geometry import Pose, wrap
+from omnidrive.geometry import Pose, compose, inverse, wrap
 from omnidrive.robot import Robot
 from omnidrive.ros2.names import resolve
 from omnidrive.ros2.node import Node, Subscription
-from omnidrive.ros2.planar_messages import (
-    compose,
-    inverse,
-    is_level,
-    pose_of,
-    transform_of,
-)
+from omnidrive.ros2.planar_messages import is_level, pose_of, transform_of
 from omnidrive.ros2.qos import LATCHED_QOS, SENSOR_QOS
 from omnidrive.ros2.ros_time import other_time, seconds
 from omnidrive.ros2.transform_tree import MAX_FRAMES, Frames, Transform, TransformTree

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 from omnidrive.errors import InvalidMap, one_line
 from omnidrive.estimation.scan_matching import ScanMatch, find_scan, match_scan, scan_points
-from omnidrive.geometry import BodyTwist, Pose, move, twist_between
+from omnidrive.geometry import BodyTwist, Pose, compose, inverse, move, twist_between
 from omnidrive.maps import OccupancyGrid
 from omnidrive.ros2.node import Node, Subscription
-from omnidrive.ros2.planar_messages import compose, grid_of, inverse, pose_of
+from omnidrive.ros2.planar_messages import grid_of, pose_of
 from omnidrive.ros2.qos import LATCHED_QOS, SENSOR_QOS
 from omnidrive.ros2.ros_time import seconds
 from omnidrive.ros2.transform_tree import Frames, TransformTree

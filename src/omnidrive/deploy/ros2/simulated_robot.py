@@ -14,15 +14,13 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.control.controller import STOP
 from omnidrive.estimation import EncoderSettings
-from omnidrive.geometry import Pose, move, wrap
+from omnidrive.geometry import Pose, compose, inverse, move, wrap
 from omnidrive.maps import OccupancyGrid
 from omnidrive.parameter import Bounds, check_bounds, check_choice
 from omnidrive.robot import Robot
 from omnidrive.ros2.message import Message, message_type
 from omnidrive.ros2.node import Node
 from omnidrive.ros2.planar_messages import (
-    compose,
-    inverse,
     map_message,
     planar_covariance,
     set_pose,

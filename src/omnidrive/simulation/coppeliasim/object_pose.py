@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import atan2, cos, sin
 
-from omnidrive.geometry import Pose
+from omnidrive.geometry import Pose, compose
 
 ObjectPose = Sequence[float]
 """x, y, z (m) and a unit quaternion qx, qy, qz, qw, in the order of CoppeliaSim."""
@@ -21,16 +21,6 @@ def uprightness(pose: ObjectPose) -> float:
     """Return the cosine of the angle between the object's z axis and the vertical."""
     _, _, _, qx, qy, _, _ = pose
     return 1.0 - 2.0 * (qx * qx + qy * qy)
-
-
-def compose(frame: Pose, offset: Pose) -> Pose:
-    """Return the pose ``offset``, given in ``frame``, in the parent frame of ``frame``."""
-    c, s = cos(frame.yaw), sin(frame.yaw)
-    return Pose(
-        frame.x + c * offset.x - s * offset.y,
-        frame.y + s * offset.x + c * offset.y,
-        frame.yaw + offset.yaw,
-    )
 
 
 def relative_pose(frame: Pose, pose: Pose) -> Pose:

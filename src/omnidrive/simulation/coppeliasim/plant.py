@@ -8,11 +8,10 @@ from time import monotonic, sleep
 
 from omnidrive.control.controller import STOP, CommandValue
 from omnidrive.errors import InvalidInput, InvalidScene, PlantLost
-from omnidrive.geometry import BodyTwist, Pose, WorldTwist, to_body, wrap
+from omnidrive.geometry import BodyTwist, Pose, WorldTwist, compose, to_body, wrap
 from omnidrive.robot import Robot
 from omnidrive.simulation.coppeliasim.joint_interface import JointInterface
 from omnidrive.simulation.coppeliasim.object_pose import (
-    compose,
     planar_pose,
     relative_pose,
     transport,
