@@ -26,10 +26,6 @@ MAX_BYTES = 1 << 28
 _LITTLE_ENDIAN, _BIG_ENDIAN = b"\x00\x01\x00\x00", b"\x00\x00\x00\x00"
 _NATIVE = "<" if sys.byteorder == "little" else ">"
 _COUNTS = {order: struct.Struct(order + "I") for order in "<>"}
-_CODES = {
-    "bool": "?", "byte": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
-    "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
-}  # fmt: skip
 _FAULTS = (struct.error, TypeError, ValueError, OverflowError, AttributeError)
 
 
@@ -172,7 +168,7 @@ class _Leaf:
         else:
             self.dtype = dtype_of(field.type)
             size = self.dtype.itemsize
-            code = f"{field.length * size}s" if field.kind == "array" else _CODES[field.type]
+            code = f"{field.length * size}s" if field.kind == "array" else PRIMITIVES[field.type]
             self.codes = [(code, size)]
 
     def flatten(self, value: Any, values: list[Any]) -> None:

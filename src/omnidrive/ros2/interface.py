@@ -18,20 +18,10 @@ LATEST: Distribution = "jazzy"
 """Distribution that is assumed unless another one is given or detected."""
 
 PRIMITIVES = {
-    "bool": 1,
-    "byte": 1,
-    "int8": 1,
-    "uint8": 1,
-    "int16": 2,
-    "uint16": 2,
-    "int32": 4,
-    "uint32": 4,
-    "int64": 8,
-    "uint64": 8,
-    "float32": 4,
-    "float64": 8,
-}
-"""Size of each primitive type, in bytes."""
+    "bool": "?", "byte": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H",
+    "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
+}  # fmt: skip
+"""Codes of the primitive types in the formats of :mod:`struct`."""
 
 
 class Field(NamedTuple):

@@ -122,21 +122,15 @@ class Lifecycle:
     def __init__(self, node: Node) -> None:
         self.state = UNCONFIGURED
         self._distribution = node.distribution
-        handlers = {
-            "ChangeState": self._change,
-            "GetState": self._get,
-            "GetAvailableStates": self._states,
-            "GetAvailableTransitions": self._transitions,
-        }
-        names = {
-            "ChangeState": "change_state",
-            "GetState": "get_state",
-            "GetAvailableStates": "get_available_states",
-            "GetAvailableTransitions": "get_available_transitions",
-        }
+        services = (
+            ("ChangeState", "change_state", self._change),
+            ("GetState", "get_state", self._get),
+            ("GetAvailableStates", "get_available_states", self._states),
+            ("GetAvailableTransitions", "get_available_transitions", self._transitions),
+        )
         self._services = {
-            kind: Service(node, f"~/{names[kind]}", f"lifecycle_msgs/srv/{kind}", handle)
-            for kind, handle in handlers.items()
+            kind: Service(node, f"~/{name}", f"lifecycle_msgs/srv/{kind}", handle)
+            for kind, name, handle in services
         }
 
     def poll(self) -> None:
