@@ -52,6 +52,15 @@ IEC = Keywords(
 )
 """IEC 61131-7 with the additions of jFuzzyLogic."""
 
+_FUZZYLITE_DISJUNCTIONS = {
+    "max": "MAX",
+    "probor": "ASUM",
+    "bsum": "BSUM",
+    "drastic": "DSUM",
+    "einstein": "ESUM",
+    "hamacher": "HSUM",
+    "nilpotent": "NMAX",
+}
 FUZZYLITE = Keywords(
     {
         "min": "MIN",
@@ -62,25 +71,8 @@ FUZZYLITE = Keywords(
         "hamacher": "HPROD",
         "nilpotent": "NMIN",
     },
-    {
-        "max": "MAX",
-        "probor": "ASUM",
-        "bsum": "BSUM",
-        "drastic": "DSUM",
-        "einstein": "ESUM",
-        "hamacher": "HSUM",
-        "nilpotent": "NMAX",
-    },
-    {
-        "max": "MAX",
-        "probor": "ASUM",
-        "bsum": "BSUM",
-        "drastic": "DSUM",
-        "einstein": "ESUM",
-        "hamacher": "HSUM",
-        "nilpotent": "NMAX",
-        "sum": "UnboundedSum",
-    },
+    _FUZZYLITE_DISJUNCTIONS,
+    {**_FUZZYLITE_DISJUNCTIONS, "sum": "UnboundedSum"},
     {**IEC.methods, "wtsum": "COGSS"},
 )
 
