@@ -119,8 +119,6 @@ def _fastest_direction(limits: tuple[LimitRows, ...], preferred: float) -> float
     load = np.zeros(len(angles))
     for group in limits:
         if group.kind == kind:
-            shares = group.rows @ vectors
-            peak = np.linalg.norm(shares, axis=0) if group.euclidean else np.abs(shares).max(axis=0)
-            load = np.maximum(load, peak)
+            load = np.maximum(load, group.shares(vectors))
     best = angles[load <= 1.001 * load.min()]
     return float(best[np.argmax(np.cos(best - preferred))])

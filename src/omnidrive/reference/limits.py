@@ -133,6 +133,14 @@ class LimitRows(NamedTuple):
     rows: Float[Array, "rows 3"]
     euclidean: bool = False
 
+    def shares(self, vectors: Float[Array, "3 n"]) -> Float[Array, " n"]:
+        """Return the use of the limit by each vector, as a share of the limit."""
+        values = self.rows @ vectors  # reductions are faster along the first axis
+        shares: Float[Array, " n"] = (
+            np.linalg.norm(values, axis=0) if self.euclidean else np.abs(values).max(axis=0)
+        )
+        return shares
+
 
 def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:
     """Return every finite limit, and the wheel speed limit of ``chassis``, as rows.

@@ -108,12 +108,6 @@ class PiecewisePath:
             q2[:, 2] = (x1 * y3 - y1 * x3 - 2.0 * (x1 * x2 + y1 * y2) * q1[:, 2]) / square
         return PathDerivatives(q, q1, q2)
 
-    def in_body(
-        self, motion: PathDerivatives
-    ) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"], Float[Array, "n 3"]]:
-        """Return :func:`body_derivatives`."""
-        return body_derivatives(motion)
-
     def _set_headings(self) -> bool:
         """Set the headings of a tangent path; return whether no piece turns too far."""
         if not self.tangent:

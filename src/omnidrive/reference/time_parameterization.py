@@ -10,7 +10,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.reference.limits import LimitRows, limit_terms
-from omnidrive.reference.piecewise_path import PiecewisePath
+from omnidrive.reference.piecewise_path import PiecewisePath, body_derivatives
 from omnidrive.reference.reachability import max_squared_speeds
 from omnidrive.reference.timed_reference import TimedReference
 
@@ -122,7 +122,7 @@ def interval_rows(
     piece, part = np.divmod(np.arange(count), per_piece)
     a, b, size = [], [], []
     for share in _SHARES:
-        first, change, second = path.in_body(path.at(piece, (part + share) / per_piece))
+        first, change, second = body_derivatives(path.at(piece, (part + share) / per_piece))
         distance = 2.0 * share / per_piece
         along, across = limit_terms((first, change, second), limits)
         a.append(along + distance * across)

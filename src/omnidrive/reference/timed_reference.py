@@ -11,7 +11,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.piecewise_path import PathDerivatives, PiecewisePath
+from omnidrive.reference.piecewise_path import PathDerivatives, PiecewisePath, body_derivatives
 from omnidrive.reference.reference import WindowReference
 
 _CHECKS = 8
@@ -81,7 +81,7 @@ class TimedReference(WindowReference):
         before, after = self.squared_speeds[:-1], self.squared_speeds[1:]
         u = ((after - before) / (2.0 * self._width))[:, None]
         for share in np.arange(_CHECKS + 1) / _CHECKS:
-            body = self.path.in_body(self._derivatives(np.arange(count), np.full(count, share)))
+            body = body_derivatives(self._derivatives(np.arange(count), np.full(count, share)))
             x = (before + share * (after - before))[:, None]
             for group in self.limits:
                 usage[group.name] = np.maximum(usage[group.name], _usage(group, body, u, x))
@@ -118,8 +118,4 @@ def _usage(
         vectors = first * np.sqrt(x)
     else:
         vectors = first * u + (change if group.kind == "twist rate" else second) * x
-    values = group.rows @ vectors.T  # reductions are faster along the first axis
-    shares: Float[Array, " n"] = (
-        np.linalg.norm(values, axis=0) if group.euclidean else np.abs(values).max(axis=0)
-    )
-    return shares
+    return group.shares(vectors.T)

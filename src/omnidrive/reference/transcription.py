@@ -256,7 +256,7 @@ def _limit_functions(ca: ModuleType, limits: tuple[LimitRows, ...]) -> tuple[Any
     """Return functions for the squared usage of speed limits, and the usage of all others.
 
     Their arguments are yaw, first derivative (, second derivative), x and u at one point. See
-    :meth:`PiecewisePath.in_body` for the formulas.
+    :func:`~omnidrive.reference.piecewise_path.body_derivatives` for the formulas.
     """
     yaw, x, u = ca.SX.sym("yaw"), ca.SX.sym("x"), ca.SX.sym("u")
     first, second = ca.SX.sym("first", 3), ca.SX.sym("second", 3)
