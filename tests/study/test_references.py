@@ -25,7 +25,7 @@ from omnidrive.reference.shapes import Circle, Eight
 from omnidrive.scenario import load_scenario, paper_scenario, plan_and_check, plan_at, retime
 from omnidrive.scenario.scenario_file import parse_scenario, save_scenario, scenario_data
 from omnidrive.study import run_study
-from omnidrive.study.plan import plan_facts, save_plan
+from omnidrive.study.motion_plan import plan_facts, save_plan
 from tests.study.small import small_scenario
 
 SHAPES = ("circle", "eight", "square", "raised-cosine", "slalom", "random-smooth")

@@ -8,6 +8,7 @@ from .definition_file import (
     study_names,
 )
 from .folder import RunFolder
+from .motion_plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .output_paths import (
     check_figure,
     check_new_file,
@@ -15,7 +16,6 @@ from .output_paths import (
     check_plan_targets,
     check_study_folder,
 )
-from .plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .planned_run import PlannedRun
 from .progress import ProgressListener, RunProgress
 from .queries import solve_queries

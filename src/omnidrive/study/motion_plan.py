@@ -1,4 +1,4 @@
-"""Results of planning a scenario: facts for display, figures and waypoint files."""
+"""Results of planning a motion: facts for display, figures and waypoint files."""
 
 from __future__ import annotations
 
