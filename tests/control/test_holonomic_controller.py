@@ -17,12 +17,12 @@ from omnidrive.control.nmpc.holonomic import (
     HolonomicSolverSettings,
     KeepOutZone,
 )
-from omnidrive.control.nmpc.holonomic.acceleration_ratio import reached_share
 from omnidrive.control.nmpc.holonomic.law import OLD_PLAN_STEPS, RAMP_STEPS
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import State
 from omnidrive.estimation.drive_estimate import DriveSettings
+from omnidrive.estimation.motion.acceleration_ratio import reached_share
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between, wrap
 from omnidrive.reference import Hold, ShapeReference
 from omnidrive.reference.shapes import Eight

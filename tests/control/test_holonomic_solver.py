@@ -24,8 +24,6 @@ from omnidrive.control.nmpc.holonomic.interior_point import initialize, iterate
 from omnidrive.control.nmpc.holonomic.keep_out_cost import keep_out_cost, signed_distance
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.motion import (
-    arc_factor,
-    arc_velocity,
     limit_value,
     max_limit_ratio,
     roll_out,
@@ -41,7 +39,7 @@ from omnidrive.control.nmpc.holonomic.stage_point import (
 )
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, twist_between
-from omnidrive.geometry.arc import arc_twist
+from omnidrive.geometry.arc import arc_factor, arc_twist, arc_velocity
 from omnidrive.robot import Chassis
 from tests.examples import examples
 

@@ -10,7 +10,7 @@ from omnidrive.estimation import (
     PoseFixSettings,
     SensorSettings,
 )
-from omnidrive.estimation.filter_state import POSE
+from omnidrive.estimation.pose_filter.filter_state import POSE
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.robot import named_robot
 from omnidrive.simulation import PlantState, SensorSuite

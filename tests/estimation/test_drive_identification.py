@@ -8,6 +8,11 @@ import pytest
 
 from omnidrive.control.nmpc.holonomic.actuation import Actuation
 from omnidrive.errors import InvalidInput
+from omnidrive.estimation.drive.drive_identification import CONTINUE, START, DriveSample, identify
+from omnidrive.estimation.drive.identification_state import (
+    command_count,
+    identification_memory,
+)
 from omnidrive.estimation.drive_estimate import (
     DRIVE_ESTIMATE,
     DRIVE_UNITS,
@@ -18,11 +23,6 @@ from omnidrive.estimation.drive_estimate import (
     identified_robot,
     settings_around,
     write_estimate,
-)
-from omnidrive.estimation.drive_identification import CONTINUE, START, DriveSample, identify
-from omnidrive.estimation.identification_state import (
-    command_count,
-    identification_memory,
 )
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.reference import ShapeReference

@@ -17,7 +17,7 @@ from omnidrive.estimation import (
     SensorReadings,
     SensorSettings,
 )
-from omnidrive.estimation.filter_state import POSE
+from omnidrive.estimation.pose_filter.filter_state import POSE
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
 from omnidrive.robot import omni_ring
 from omnidrive.simulation import MujocoPlant, SensorFaults, SensorSuite

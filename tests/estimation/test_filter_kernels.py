@@ -10,15 +10,15 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from omnidrive.estimation import PoseEstimator
-from omnidrive.estimation.motion_model import Odometry
-from omnidrive.estimation.se2 import (
+from omnidrive.estimation.pose_filter.motion_model import Odometry
+from omnidrive.estimation.pose_filter.se2 import (
     exponential,
     inverse_adjoint,
     logarithm,
     relative_pose,
     right_jacobian,
 )
-from omnidrive.estimation.slip_prediction import predict_slip
+from omnidrive.estimation.pose_filter.slip_prediction import predict_slip
 from omnidrive.robot import named_robot
 from tests.examples import examples
 

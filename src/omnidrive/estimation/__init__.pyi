@@ -1,5 +1,6 @@
 from .estimator_settings import EstimatorSettings
-from .pose_estimator import PoseEstimator
+from .motion.motion_memory import ObservedMotion
+from .pose_filter.pose_estimator import PoseEstimator
 from .readings import PoseFix, SensorReadings
 from .sensor_settings import EncoderSettings, GyroSettings, PoseFixSettings, SensorSettings
 from .state import State
@@ -10,6 +11,7 @@ __all__ = [
     "EstimatorSettings",
     "GyroSettings",
     "LatestFix",
+    "ObservedMotion",
     "PoseEstimator",
     "PoseFix",
     "PoseFixSettings",

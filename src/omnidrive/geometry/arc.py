@@ -40,3 +40,14 @@ def arc_twist(dt: float, yaw: float, vx: float, vy: float, rate: float) -> tuple
     factor, _, _ = arc_factor(half)
     c, s = cos(yaw + half), sin(yaw + half)
     return factor * (c * vx + s * vy), factor * (c * vy - s * vx)
+
+
+@compiled
+def arc_velocity(
+    dt: float, yaw: float, ahead: float, left: float, rate: float
+) -> tuple[float, float]:
+    """Return the mean velocity in W, in m/s, of a body twist: the inverse of :func:`arc_twist`."""
+    half = 0.5 * dt * rate
+    factor, _, _ = arc_factor(half)
+    c, s = cos(yaw + half), sin(yaw + half)
+    return (c * ahead - s * left) / factor, (s * ahead + c * left) / factor

@@ -6,10 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled, inlined
-from omnidrive.geometry import wrap
-
-wrap_angle = inlined(wrap)
+from omnidrive.compiled import compiled
+from omnidrive.geometry.kernels import wrap_angle
 
 
 @compiled

@@ -5,7 +5,6 @@ from .ipopt import HolonomicIpopt
 from .keep_out_zone import KeepOutZone, stack_keep_outs
 from .law import FallbackLevel
 from .limits import rate_limits, speed_limits, stack_limits
-from .motion_memory import ObservedMotion
 from .parameters import HolonomicParameters
 from .problem import HolonomicProblem, KeepOutArrays, Limits
 from .solution import HolonomicOptimizer, HolonomicSolution
@@ -25,7 +24,6 @@ __all__ = [
     "KeepOutArrays",
     "KeepOutZone",
     "Limits",
-    "ObservedMotion",
     "holonomic_nmpc",
     "rate_limits",
     "speed_limits",

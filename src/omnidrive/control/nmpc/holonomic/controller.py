@@ -41,12 +41,7 @@ from omnidrive.control.nmpc.holonomic.law import (
     law_memory,
     stage_problem,
 )
-from omnidrive.control.nmpc.holonomic.motion_memory import (
-    ObservedMotion,
-    observed_motion,
-)
 from omnidrive.control.nmpc.holonomic.parameters import HolonomicParameters
-from omnidrive.control.nmpc.holonomic.robot_model import RobotModel
 from omnidrive.control.nmpc.holonomic.solution import HolonomicOptimizer, HolonomicSolution
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolver, HolonomicSolverSettings
 from omnidrive.control.preparation import run_once
@@ -54,6 +49,8 @@ from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.control.reference_governor import ReferenceGovernor
 from omnidrive.control.reference_window import ReferenceWindow
 from omnidrive.estimation import State
+from omnidrive.estimation.drive.drive_identification import START, DriveSample, identify
+from omnidrive.estimation.drive.identification_state import command_count, identification_memory
 from omnidrive.estimation.drive_estimate import (
     DRIVE_UNITS,
     HYPOTHESES,
@@ -62,8 +59,11 @@ from omnidrive.estimation.drive_estimate import (
     check_start,
     drive_estimate,
 )
-from omnidrive.estimation.drive_identification import START, DriveSample, identify
-from omnidrive.estimation.identification_state import command_count, identification_memory
+from omnidrive.estimation.motion.motion_memory import (
+    ObservedMotion,
+    observed_motion,
+)
+from omnidrive.estimation.motion.robot_model import RobotModel
 from omnidrive.geometry import BodyTwist
 from omnidrive.reference import Reference
 from omnidrive.robot import Chassis
@@ -87,13 +87,13 @@ class HolonomicController(GuardedController):
     up to its end, behind which the robot stops.
 
     The first state and the twist before the first stage are those of the motion observer
-    (:mod:`~.motion_observer`), which compares the measured poses with the motion that the earlier
-    commands cause in the model of the robot, lag, slip and delay included. It estimates also a
-    disturbance, the twist that the model lacks, and the variance of the noise of the measured
-    poses where the state does not tell it. The commanded twist is the one with which the model
-    makes the planned motion, minus the disturbance: constant disturbances and errors of the model
-    leave no error of the pose (Maeder, Borrelli & Morari, "Linear offset-free model predictive
-    control", Automatica 45, 2009). A twist in the state replaces the observed one.
+    (:mod:`~omnidrive.estimation.motion.motion_observer`), which compares the measured poses with
+    the motion that the earlier commands cause in the model of the robot, lag, slip and delay
+    included. It estimates also a disturbance, the twist that the model lacks, and the variance of
+    the noise of the measured poses where the state does not tell it. The commanded twist is the one
+    with which the model makes the planned motion, minus the disturbance: constant disturbances and
+    errors of the model leave no error of the pose (Maeder, Borrelli & Morari, "Linear offset-free
+    model predictive control", Automatica 45, 2009). A twist in the state replaces the observed one.
 
     There is no warm start. If the solver finds no usable plan, the latest one is followed for a few
     steps, and then the robot is stopped. The details of a command contain its
@@ -148,11 +148,9 @@ class HolonomicController(GuardedController):
         self._memory = law_memory(stages, len(limits.bounds), commands, identified)
         robot = RobotModel(
             model,
-            actuation.may_spin,
             np.ascontiguousarray(self.chassis.jacobian, dtype=float),
             np.empty((0, 3)) if faces is None else np.ascontiguousarray(faces, dtype=float),
             float(self.chassis.max_wheel_speed),
-            actuation.reserve,
             actuation.drive.parameters,
             self._identify(model),
             self.adaptation or DriveSettings(),
@@ -168,6 +166,8 @@ class HolonomicController(GuardedController):
                 bounds=actuation.limits(self.chassis, self.dt, actuation.reserve).bounds
             ),  # the matrices are the same
             HolonomicSolverSettings(),
+            actuation.reserve,
+            actuation.may_spin,
         )
         self._outputs = np.zeros(3), np.zeros(len(self.detail_units))
         self._window = self._new_window()

@@ -8,9 +8,9 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.lqr import lqr_policy
-from omnidrive.control.nmpc.holonomic.motion import arc_velocity, limit_value
+from omnidrive.control.nmpc.holonomic.motion import limit_value
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.geometry.arc import arc_twist
+from omnidrive.geometry.arc import arc_twist, arc_velocity
 
 _START_RATIO = 0.9
 """Largest ratio of a limit's value to its bound at the start."""

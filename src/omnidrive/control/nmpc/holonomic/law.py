@@ -14,23 +14,22 @@ from omnidrive.compiled import compilable, compiled
 from omnidrive.compiled.views import uncounted
 from omnidrive.control.compiled_law import SampleState
 from omnidrive.control.nmpc.common.exit import CONVERGED
-from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at
-from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory, motion_memory, remember
-from omnidrive.control.nmpc.holonomic.pose_noise import position_variance
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem, KeepOutArrays, Limits
-from omnidrive.control.nmpc.holonomic.robot_model import RobotModel
 from omnidrive.control.nmpc.holonomic.solver import HolonomicSolverSettings
 from omnidrive.control.nmpc.holonomic.step import (
     FIGURES,
-    Measurement,
     Plan,
     command_stage,
     fill_problem,
-    observe,
     solve_problem,
 )
+from omnidrive.estimation.drive.identification_state import IdentificationMemory
 from omnidrive.estimation.drive_estimate import write_estimate
-from omnidrive.estimation.identification_state import IdentificationMemory
+from omnidrive.estimation.motion.disturbance import disturbance_at
+from omnidrive.estimation.motion.motion_memory import MotionMemory, motion_memory, remember
+from omnidrive.estimation.motion.observation import Measurement, observe
+from omnidrive.estimation.motion.pose_noise import position_variance
+from omnidrive.estimation.motion.robot_model import RobotModel
 
 OLD_PLAN_STEPS, RAMP_STEPS = 3, 5
 """Without a new plan: number of steps that follow the latest plan at its full speed, and number of
@@ -71,6 +70,10 @@ class LawData(NamedTuple):
     approach_limits: Limits
     """As ``limits``, with the reserve of acceleration: for approaches to a standing target."""
     settings: HolonomicSolverSettings
+    reserve: float
+    """Largest acceleration of an approach over the limits of acceleration, at least 1."""
+    may_spin: bool
+    """Whether wheels may spin, see :func:`~.slip_compensation.compensate`."""
 
 
 STEP = np.dtype([
@@ -199,7 +202,9 @@ def begin(
     last.started, last.t = 1, now.t
     last.pose[0], last.pose[1], last.pose[2] = x, y, yaw
     problem = _problem(data, memory, data.limits)
-    approaches = fill_problem(data.robot, memory.motion, problem, setpoints, 0, now.last)
+    approaches = fill_problem(
+        data.robot, memory.motion, problem, setpoints, 0, now.last, data.reserve
+    )
     last.approaches = 1 if approaches else 0
     return True
 
@@ -233,7 +238,9 @@ def finish(  # noqa: PLR0917
     if 0 <= age <= max_age and age < len(memory.plan.velocities):
         factor = min(1.0, (max_age - age + 1) / (RAMP_STEPS + 1))
         approaches = last.approaches > 0
-        twist = command_stage(data.robot, motion, memory.plan, age, factor, data.dt, approaches)
+        twist = command_stage(
+            data.robot, motion, memory.plan, age, factor, data.dt, approaches, data.may_spin
+        )
         level, status = (_OLD_PLAN if factor == 1.0 else _RAMP), _FALLBACK
         if solved and figures.exit == CONVERGED:
             level, status = _OPTIMAL, _OK

@@ -25,17 +25,6 @@ def roll_out(p: HolonomicProblem, velocities: Float[Array, "stages 3"]) -> Float
 
 
 @compiled
-def arc_velocity(
-    dt: float, yaw: float, ahead: float, left: float, rate: float
-) -> tuple[float, float]:
-    """Return the mean velocity in W, in m/s, of a body twist: the inverse of :func:`arc_twist`."""
-    half = 0.5 * dt * rate
-    factor, _, _ = arc_factor(half)
-    c, s = cos(yaw + half), sin(yaw + half)
-    return (c * ahead - s * left) / factor, (s * ahead + c * left) / factor
-
-
-@compiled
 def twist_derivatives(  # noqa: PLR0917
     dt: float,
     stage: tuple[float, float, float, float],

@@ -1,4 +1,4 @@
-"""One step of the controller as compiled functions: observe, plan, and compute the command."""
+"""One step of the controller as compiled functions: fill in the problem, solve it, command."""
 
 from __future__ import annotations
 
@@ -10,37 +10,9 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.common.unwrap import wrap_angle
-from omnidrive.control.nmpc.holonomic.acceleration_ratio import (
-    is_late,
-    reached_share,
-    response_ratio,
-    update_reached,
-)
-from omnidrive.control.nmpc.holonomic.disturbance import without_disturbance
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.minimum_time_targets import minimum_time_targets
-from omnidrive.control.nmpc.holonomic.motion_memory import (
-    MotionMemory,
-    remember,
-    restart,
-)
-from omnidrive.control.nmpc.holonomic.motion_observer import (
-    STEADY_SATURATION,
-    correct,
-    correct_twist,
-    inflate_twist_variance,
-    predict,
-    predict_delayed,
-)
-from omnidrive.control.nmpc.holonomic.pose_noise import NOISY, axis_variance, position_variance
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
-from omnidrive.control.nmpc.holonomic.robot_model import (
-    RobotModel,
-    acceleration_load,
-    is_plausible,
-    saturate,
-)
 from omnidrive.control.nmpc.holonomic.slip_compensation import (
     CORRECTIONS,
     compensate,
@@ -49,19 +21,25 @@ from omnidrive.control.nmpc.holonomic.slip_compensation import (
 from omnidrive.control.nmpc.holonomic.solution import assess
 from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constraints
 from omnidrive.control.nmpc.holonomic.stage_point import overwrite
-from omnidrive.estimation.drive_identification import (
-    APPROACH,
-    CONTINUE,
-    RESTART,
-    START,
-    DriveSample,
+from omnidrive.estimation.motion.acceleration_ratio import (
+    is_late,
+    reached_share,
+    response_ratio,
 )
+from omnidrive.estimation.motion.disturbance import without_disturbance
+from omnidrive.estimation.motion.motion_memory import (
+    MotionMemory,
+    remember,
+)
+from omnidrive.estimation.motion.motion_observer import (
+    predict_delayed,
+)
+from omnidrive.estimation.motion.pose_noise import NOISY, position_variance
+from omnidrive.estimation.motion.robot_model import RobotModel, fastest_wheel
 from omnidrive.geometry.arc import arc_twist
+from omnidrive.geometry.kernels import wrap_angle
 from omnidrive.robot.slip import Vector
 
-_MIN_GAP, _MAX_GAP = 0.5, 5.0
-"""Sample times since the last step: up to the first the clock is wrong, and one sample time has
-passed; after the second the motion observer starts again."""
 _STANDING = 1e-9
 """Speed of a reference up to which it stands, m/s and rad/s."""
 _NEAR = 1e-6
@@ -72,21 +50,6 @@ _MAX_LQR_LOAD = 0.3
 _APPROACH_CORRECTIONS = (3, 2)
 """As :data:`~.slip_compensation.CORRECTIONS`, in approaches: there wheels slip, and further
 corrections let them spin without driving the robot more."""
-
-
-class Measurement(NamedTuple):
-    """What is measured in a step; the scalars are in an array, which is filled in place."""
-
-    elapsed: float
-    """Time since the last step, s; NaN in the first step of a run."""
-    pose: Vector
-    """Measured pose in W; m, m, rad."""
-    twist: Vector
-    """Estimated body twist, m/s, m/s, rad/s; NaN if it is unknown."""
-    variances: Vector
-    """Variances of the measured pose along the axes of B, m^2, m^2, rad^2; negative: unknown."""
-    fresh: bool
-    """Whether the pose is a new measurement."""
 
 
 FIGURES = np.dtype([
@@ -110,69 +73,6 @@ class Plan(NamedTuple):
 
 
 @compiled
-def observe(
-    robot: RobotModel, memory: MotionMemory, now: Measurement, dt: float, steady: bool
-) -> None:
-    """Update the motion observer; ``dt`` is the sample time in s."""
-    known, state = is_plausible(robot, now.twist), memory.state[0]
-    elapsed = dt if now.elapsed <= _MIN_GAP * dt else now.elapsed  # a wrong clock
-    if not elapsed <= _MAX_GAP * dt:
-        first = not isfinite(elapsed)  # before the first step, the robot is at rest
-        restart(memory, now.pose, now.twist if known and first else (0.0, 0.0, 0.0))
-        for a in range(0 if first else 3):
-            inflate_twist_variance(robot.model, state, a, dt)
-        if first:
-            state.drive = robot.drive[0]
-        _identify(robot.identify, START if first else RESTART, robot, memory, now, dt, dt)
-        return
-    pose = (state.pose[0], state.pose[1], state.pose[2])
-    twist = (state.twist[0], state.twist[1], state.twist[2])
-    shares = predict(robot.model, memory, elapsed, dt)
-    if now.fresh:
-        update_reached(robot.model, robot.faces, state, pose, twist, now.pose, elapsed)
-        correct(robot.model, state, now.pose, now.variances, dt, shares, steady)
-    if known:
-        correct_twist(robot.model, state, now.twist, dt)
-    event = CONTINUE if steady else APPROACH
-    _identify(robot.identify, event, robot, memory, now, elapsed, dt)
-    steady = steady and shares[0] <= STEADY_SATURATION
-    state.lead = state.drive.lag if steady else 0.0
-    state.yaw_lead = state.drive.yaw_lag if steady else 0.0
-
-
-@compiled
-def _identify(  # noqa: PLR0917
-    identify: Any,
-    event: int,
-    robot: RobotModel,
-    memory: MotionMemory,
-    now: Measurement,
-    elapsed: float,
-    period: float,
-) -> None:
-    """Update the identified parameters of the drive after a sample, unless poses are noisy."""
-    if identify is None:
-        return
-    state, sent, variances = memory.state[0], memory.commands[0], now.variances
-    twist = state.twist
-    if variances[0] < 0.0:
-        variances = (axis_variance(state, 0), axis_variance(state, 1), axis_variance(state, 2))
-    goes_on = event in (CONTINUE, APPROACH)
-    if goes_on and max(variances[0], variances[1]) > NOISY * NOISY:
-        event, elapsed = START, period
-    sample = DriveSample(
-        (sent[0], sent[1], sent[2]),
-        elapsed,
-        now.pose,
-        (twist[0], twist[1], twist[2]),
-        variances,
-        now.fresh,
-    )
-    identify(event, robot.model, robot.bounds, robot.drive, memory.identified, sample)
-    state.drive = memory.identified.state[0].applied
-
-
-@compiled
 def fill_problem(  # noqa: PLR0917
     robot: RobotModel,
     memory: MotionMemory,
@@ -180,6 +80,7 @@ def fill_problem(  # noqa: PLR0917
     window: Float[Array, "rows 6"],
     first: int,
     last: int,
+    reserve: float,
 ) -> bool:
     """Fill in the arrays of a problem that change from step to step.
 
@@ -190,6 +91,7 @@ def fill_problem(  # noqa: PLR0917
         window: Setpoints of the reference, ``dt`` apart.
         first: Row of the one at which a command takes effect after the least delay.
         last: Number of setpoints after that one that are not later than the reference.
+        reserve: Largest acceleration of an approach over the limits, at least 1.
 
     Returns:
         Whether the targets are those of an approach to a standing target.
@@ -214,11 +116,13 @@ def fill_problem(  # noqa: PLR0917
         distance = max(distance, abs(p.targets[0, a] - p.start[a]))
     if len(robot.faces) == 0 or not (speed <= _STANDING and distance > _NEAR):
         return False
-    return _approach_target(robot, memory.state[0], p, twist)
+    return _approach_target(robot, memory.state[0], p, twist, reserve)
 
 
 @compiled
-def _approach_target(robot: RobotModel, state: Any, p: HolonomicProblem, twist: Vector) -> bool:
+def _approach_target(
+    robot: RobotModel, state: Any, p: HolonomicProblem, twist: Vector, reserve: float
+) -> bool:
     """Replace a standing target by an approach, unless the free plan is one well within limits."""
     target = (p.targets[0, 0], p.targets[0, 1], p.targets[0, 2])
     lead, prompt = _lead(robot, p, twist), response_ratio(state)
@@ -228,7 +132,7 @@ def _approach_target(robot: RobotModel, state: Any, p: HolonomicProblem, twist: 
         ahead, left = arc_twist(p.dt, p.start[2], vx, vy, rate)
         share = prompt * prompt  # a gentle change is not yet a near target if it acts too late
         change = (ahead - share * twist[0], left - share * twist[1], rate - share * twist[2])
-        if acceleration_load(robot.faces, change) <= _MAX_LQR_LOAD * share * (0.5 * p.dt + lead):
+        if _acceleration_load(robot.faces, change) <= _MAX_LQR_LOAD * share * (0.5 * p.dt + lead):
             return False
     minimum_time_targets(
         p.start,
@@ -240,7 +144,7 @@ def _approach_target(robot: RobotModel, state: Any, p: HolonomicProblem, twist: 
         robot.max_wheel_speed,
         p.dt,
         lead,
-        robot.reserve,
+        reserve,
         reached_share(state),
         prompt,
         p.targets,
@@ -262,7 +166,7 @@ def _extrapolate_targets(robot: RobotModel, p: HolonomicProblem, last: int) -> N
         return
     x, y, rate = p.feedforward[last - 1]
     c, s = cos(p.targets[last, 2]), sin(p.targets[last, 2])
-    if acceleration_load(robot.faces, (c * x + s * y, c * y - s * x, rate)) <= p.dt:
+    if _acceleration_load(robot.faces, (c * x + s * y, c * y - s * x, rate)) <= p.dt:
         return
     for k in range(last, len(p.feedforward)):
         for a in range(3):
@@ -281,7 +185,7 @@ def _lead(robot: RobotModel, p: HolonomicProblem, twist: Vector) -> float:
     turn = p.targets[0, 2] - p.start[2]
     c, s = cos(p.start[2]), sin(p.start[2])
     error = (c * x + s * y, c * y - s * x, turn)
-    share = p.dt / acceleration_load(robot.faces, error)
+    share = p.dt / _acceleration_load(robot.faces, error)
     change = (share * error[0], share * error[1], share * turn)
     mean, final = predict_change(robot.model, change, twist, p.dt)
     by_mean, by_end = 0.0, 0.0
@@ -323,6 +227,7 @@ def command_stage(  # noqa: PLR0917
     factor: float,
     dt: float,
     approaches: bool,
+    may_spin: bool,
 ) -> Vector:
     """Return the commanded twist that moves the robot as a stage of the plan, and remember it.
 
@@ -337,13 +242,14 @@ def command_stage(  # noqa: PLR0917
         factor: Of the planned twist.
         dt: Sample time, s.
         approaches: Whether the plan approaches a standing target.
+        may_spin: Whether wheels may spin, see :func:`~.slip_compensation.compensate`.
     """
     desired = _stage_twist(plan, stage, factor, dt)
     following = _stage_twist(plan, min(stage + 1, len(plan.velocities) - 1), factor, dt)
     _, initial, motors = predict_delayed(robot.model, memory, dt)
     state = memory.state[0]
     noisy = position_variance(state) > NOISY * NOISY
-    may_spin = robot.may_spin and not (noisy or (is_late(state) and not approaches))
+    may_spin = may_spin and not (noisy or (is_late(state) and not approaches))
     corrections = _APPROACH_CORRECTIONS if approaches else CORRECTIONS
     effective = compensate(robot.model, desired, initial, dt, corrections, may_spin)
     mean = without_disturbance(robot.model, state, effective)
@@ -352,7 +258,7 @@ def command_stage(  # noqa: PLR0917
         0.5 * (following[1] - desired[1]),
         0.5 * (following[2] - desired[2]),
     )
-    command = saturate(robot, _command_motors(state, mean, motors, change, dt))
+    command = _saturate(robot, _command_motors(state, mean, motors, change, dt))
     remember(memory, command)
     return command
 
@@ -384,3 +290,24 @@ def _command_motors(state: Any, mean: Vector, motors: Vector, change: Vector, dt
         (mean[1] + lead * (mean[1] + change[1] - motors[1])) / gains[1],
         (mean[2] + yaw_lead * (mean[2] + change[2] - motors[2])) / gains[2],
     )
+
+
+@compiled
+def _saturate(robot: RobotModel, twist: Vector) -> Vector:
+    """Return the largest multiple of a twist, at most 1, within the maximum wheel speed."""
+    vx, vy, rate = twist
+    fastest = fastest_wheel(robot, twist)
+    if fastest <= robot.max_wheel_speed:
+        return vx, vy, rate
+    factor = robot.max_wheel_speed / fastest
+    return factor * vx, factor * vy, factor * rate
+
+
+@compiled
+def _acceleration_load(faces: Float[Array, "faces 3"], vector: Vector) -> float:
+    """Return the largest component of a vector along the normals of the limits."""
+    load = 0.0
+    for j in range(len(faces)):
+        component = faces[j, 0] * vector[0] + faces[j, 1] * vector[1] + faces[j, 2] * vector[2]
+        load = max(load, abs(component))
+    return load

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.estimation.identification_state import PARAMETERS, FilterParameters, named
+from omnidrive.estimation.drive.identification_state import PARAMETERS, FilterParameters, named
 from omnidrive.robot.drive_model import DriveModel, axis_unit
 from omnidrive.robot.drive_variants import axis_slopes, respond_variants
 from omnidrive.robot.slip import Vector

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.estimation.filter_state import FilterState
+from omnidrive.estimation.pose_filter.filter_state import FilterState
 from omnidrive.estimation.readings import PoseFix
 from omnidrive.geometry import Pose
 

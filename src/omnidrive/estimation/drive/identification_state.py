@@ -138,7 +138,7 @@ def initialize(state: Any, known: Any, period: float) -> None:
     Args:
         state: Changed in place.
         known: Parameters before the first sample, a record of
-            :data:`~.drive_estimate.DRIVE_PARAMETERS`.
+            :data:`~omnidrive.estimation.drive_estimate.DRIVE_PARAMETERS`.
         period: Sample time, s.
     """
     state.chosen = 0

@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.estimation.filter_state import FIX_BIAS, POSE, SIZE, FilterState
-from omnidrive.estimation.matrices import congruence, inverse, product
-from omnidrive.estimation.se2 import compose, exponential, logarithm, relative_pose
+from omnidrive.estimation.pose_filter.filter_state import FIX_BIAS, POSE, SIZE, FilterState
+from omnidrive.estimation.pose_filter.matrices import congruence, inverse, product
+from omnidrive.estimation.pose_filter.se2 import compose, exponential, logarithm, relative_pose
 
 
 @compiled

@@ -10,9 +10,10 @@ import numpy as np
 from scipy.special import chdtri
 
 from omnidrive.estimation.clock import ReadingClock, Stamp
-from omnidrive.estimation.correction import correct
 from omnidrive.estimation.estimator_settings import EstimatorSettings
-from omnidrive.estimation.filter_state import (
+from omnidrive.estimation.plausibility import RateLimits, possible_angles, usable_fixes
+from omnidrive.estimation.pose_filter.correction import correct
+from omnidrive.estimation.pose_filter.filter_state import (
     FIX_BIAS,
     FIX_BIAS_RATE,
     GYRO_BIAS,
@@ -20,12 +21,16 @@ from omnidrive.estimation.filter_state import (
     SIZE,
     FilterState,
 )
-from omnidrive.estimation.motion_model import MotionModel, Odometry
-from omnidrive.estimation.plausibility import RateLimits, possible_angles, usable_fixes
-from omnidrive.estimation.propagation import propagate
-from omnidrive.estimation.reading_buffer import MAX_FIXES, BufferedFix, Interval, ReadingBuffer
+from omnidrive.estimation.pose_filter.motion_model import MotionModel, Odometry
+from omnidrive.estimation.pose_filter.propagation import propagate
+from omnidrive.estimation.pose_filter.reading_buffer import (
+    MAX_FIXES,
+    BufferedFix,
+    Interval,
+    ReadingBuffer,
+)
+from omnidrive.estimation.pose_filter.relocation import JUMP_COVARIANCE, consistent, reachable
 from omnidrive.estimation.readings import PoseFix, SensorReadings, unwrapped_pose
-from omnidrive.estimation.relocation import JUMP_COVARIANCE, consistent, reachable
 from omnidrive.estimation.sensor_settings import SensorSettings
 from omnidrive.estimation.state import State, check_start
 from omnidrive.geometry import Pose

@@ -1,4 +1,4 @@
-"""Parameters of the robot in a step of the controller: response, wheels, and limits."""
+"""Parameters of the robot in a step: response, wheels, and limits."""
 
 from __future__ import annotations
 
@@ -22,21 +22,17 @@ class RobotModel(NamedTuple):
 
     model: DriveModel
     """Response to commands."""
-    may_spin: bool
-    """Whether wheels may spin, see :func:`~.slip_compensation.compensate`."""
     wheels: Float[Array, "wheels 3"]
     """Wheel matrix."""
     faces: Float[Array, "faces 3"]
     """Limits of acceleration, ``|faces @ acceleration| <= 1`` in B; empty: none."""
     max_wheel_speed: float
     """In rad/s."""
-    reserve: float
-    """Largest acceleration over those limits, at least 1."""
     drive: Any
     """Known parameters of the drive, a record of
     :data:`~omnidrive.estimation.drive_estimate.DRIVE_PARAMETERS`."""
     identify: Any
-    """:func:`~omnidrive.estimation.drive_identification.identify` as a
+    """:func:`~omnidrive.estimation.drive.drive_identification.identify` as a
     :class:`~omnidrive.compiled.CompiledFunction`; None: the drive is not identified."""
     bounds: DriveSettings
     """Bounds of the identification."""
@@ -50,27 +46,6 @@ def fastest_wheel(robot: RobotModel, twist: Vector) -> float:
         speed = wheels[i, 0] * twist[0] + wheels[i, 1] * twist[1] + wheels[i, 2] * twist[2]
         fastest = max(fastest, abs(speed))
     return fastest
-
-
-@compiled
-def saturate(robot: RobotModel, twist: Vector) -> Vector:
-    """Return the largest multiple of a twist, at most 1, within the maximum wheel speed."""
-    vx, vy, rate = twist
-    fastest = fastest_wheel(robot, twist)
-    if fastest <= robot.max_wheel_speed:
-        return vx, vy, rate
-    factor = robot.max_wheel_speed / fastest
-    return factor * vx, factor * vy, factor * rate
-
-
-@compiled
-def acceleration_load(faces: Float[Array, "faces 3"], vector: Vector) -> float:
-    """Return the largest component of a vector along the normals of the limits."""
-    load = 0.0
-    for j in range(len(faces)):
-        component = faces[j, 0] * vector[0] + faces[j, 1] * vector[1] + faces[j, 2] * vector[2]
-        load = max(load, abs(component))
-    return load
 
 
 @compiled

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.estimation.motion_model import MotionModel, Odometry
+from omnidrive.estimation.pose_filter.motion_model import MotionModel, Odometry
 from omnidrive.robot.slip import friction_limit, slip_velocity
 
 _STEP = 1e-3

@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.estimation.filter_state import (
+from omnidrive.estimation.gauss_markov import gauss_markov
+from omnidrive.estimation.pose_filter.filter_state import (
     FIX_BIAS,
     FIX_BIAS_RATE,
     GYRO_BIAS,
@@ -17,11 +18,15 @@ from omnidrive.estimation.filter_state import (
     SIZE,
     FilterState,
 )
-from omnidrive.estimation.gauss_markov import gauss_markov
-from omnidrive.estimation.matrices import congruence, inverse
-from omnidrive.estimation.motion_model import MotionModel, Odometry
-from omnidrive.estimation.se2 import compose, exponential, inverse_adjoint, right_jacobian
-from omnidrive.estimation.slip_prediction import predict_slip
+from omnidrive.estimation.pose_filter.matrices import congruence, inverse
+from omnidrive.estimation.pose_filter.motion_model import MotionModel, Odometry
+from omnidrive.estimation.pose_filter.se2 import (
+    compose,
+    exponential,
+    inverse_adjoint,
+    right_jacobian,
+)
+from omnidrive.estimation.pose_filter.slip_prediction import predict_slip
 
 _MOTION = slice(SIZE, SIZE + 3)
 """Indices of the body motion (m, m, rad) in a vector of the filter state and the motion."""

@@ -35,9 +35,8 @@ from math import cos, inf, isfinite, log, sin, sqrt
 from typing import Any, NamedTuple
 
 from omnidrive.compiled import compiled
-from omnidrive.estimation.drive_estimate import HYPOTHESES, DriveSettings
-from omnidrive.estimation.drive_prediction import predict
-from omnidrive.estimation.identification_state import (
+from omnidrive.estimation.drive.drive_prediction import predict
+from omnidrive.estimation.drive.identification_state import (
     GAINS,
     PARAMETERS,
     IdentificationMemory,
@@ -49,6 +48,7 @@ from omnidrive.estimation.identification_state import (
     restart_hypothesis,
     update_estimate,
 )
+from omnidrive.estimation.drive_estimate import HYPOTHESES, DriveSettings
 from omnidrive.geometry.kernels import wrap
 from omnidrive.robot.drive_model import DriveModel, axis_unit, inverse_lags
 from omnidrive.robot.slip import Vector
@@ -124,7 +124,7 @@ def identify(  # noqa: PLR0917
         model: Response of the robot to the twist of its motors.
         settings: Bounds and forgetting.
         known: Parameters before the first sample, a record of
-            :data:`~.drive_estimate.DRIVE_PARAMETERS`.
+            :data:`~omnidrive.estimation.drive_estimate.DRIVE_PARAMETERS`.
         memory: Changed in place.
         now: The sample.
     """

@@ -10,16 +10,16 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.common.unwrap import wrap_angle
-from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at, disturbance_scale
-from omnidrive.control.nmpc.holonomic.motion import arc_velocity
-from omnidrive.control.nmpc.holonomic.motion_memory import MotionMemory
-from omnidrive.control.nmpc.holonomic.pose_noise import (
+from omnidrive.estimation.motion.disturbance import disturbance_at, disturbance_scale
+from omnidrive.estimation.motion.motion_memory import MotionMemory
+from omnidrive.estimation.motion.pose_noise import (
     estimate_noise,
     noisy_share,
     pose_variance,
     position_variance,
 )
+from omnidrive.geometry.arc import arc_velocity
+from omnidrive.geometry.kernels import wrap_angle
 from omnidrive.robot.drive_model import DriveModel, axis_unit
 from omnidrive.robot.lag_response import MIN_LAG, mean_decay
 from omnidrive.robot.slip import Vector

@@ -8,9 +8,9 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.common.unwrap import wrap_angle
-from omnidrive.control.nmpc.holonomic.motion import arc_velocity
-from omnidrive.control.nmpc.holonomic.pose_noise import position_variance
+from omnidrive.estimation.motion.pose_noise import position_variance
+from omnidrive.geometry.arc import arc_velocity
+from omnidrive.geometry.kernels import wrap_angle
 from omnidrive.robot.drive_model import DriveModel
 from omnidrive.robot.slip import Vector
 

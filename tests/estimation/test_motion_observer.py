@@ -5,11 +5,11 @@ from math import nan
 import numpy as np
 import pytest
 
-from omnidrive.control.nmpc.holonomic.disturbance import disturbance_at, without_disturbance
-from omnidrive.control.nmpc.holonomic.motion_memory import motion_memory, remember
-from omnidrive.control.nmpc.holonomic.robot_model import RobotModel
-from omnidrive.control.nmpc.holonomic.step import Measurement, observe
 from omnidrive.estimation.drive_estimate import DriveEstimate, DriveSettings
+from omnidrive.estimation.motion.disturbance import disturbance_at, without_disturbance
+from omnidrive.estimation.motion.motion_memory import motion_memory, remember
+from omnidrive.estimation.motion.observation import Measurement, observe
+from omnidrive.estimation.motion.robot_model import RobotModel
 from omnidrive.geometry import BodyTwist, Pose, move
 from omnidrive.robot import named_robot
 from omnidrive.robot.drive_model import DriveModel
@@ -24,11 +24,9 @@ FIRST = Measurement(nan, (0.0, 0.0, 0.0), UNKNOWN, (-1.0, -1.0, -1.0), True)
 def plant(model):
     return RobotModel(
         model,
-        True,
         SMALL.chassis.jacobian,
         np.empty((0, 3)),
         SMALL.max_wheel_speed,
-        1.0,
         DriveEstimate().parameters,
         None,
         DriveSettings(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.holonomic.pose_noise import noisy_share
+from omnidrive.estimation.motion.pose_noise import noisy_share
 from omnidrive.robot.drive_model import DriveModel, axis_unit
 from omnidrive.robot.slip import Vector
 

@@ -9,8 +9,11 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.estimation.drive.identification_state import (
+    IdentificationMemory,
+    identification_memory,
+)
 from omnidrive.estimation.drive_estimate import DRIVE_PARAMETERS
-from omnidrive.estimation.identification_state import IdentificationMemory, identification_memory
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot.slip import Vector
 

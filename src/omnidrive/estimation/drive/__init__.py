@@ -1,0 +1,1 @@
+"""Identification of gains, lag and delay of the drive while the robot moves."""

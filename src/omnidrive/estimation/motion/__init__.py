@@ -1,0 +1,1 @@
+"""Observer of the motion from measured poses and earlier commands, for predictive control."""

@@ -1,0 +1,1 @@
+"""Extended Kalman filter of the pose from wheel encoders, a gyro and pose fixes."""
