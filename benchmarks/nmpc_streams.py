@@ -161,10 +161,10 @@ def statement(problem: AnyProblem) -> dict[str, object]:
         "dt": problem.dt,
         "stage_weights": problem.state_weights[0].tolist(),
         "terminal_weights": problem.state_weights[-1].tolist(),
-        "control_weights": problem.control_weights.tolist(),
+        "control_weights": np.asarray(problem.control_weights).tolist(),
     }
     if isinstance(problem, UnicycleProblem):
-        return common | {"limits": problem.limits.tolist()}
+        return common | {"limits": list(problem.limits)}
     limits, zones = problem.limits._asdict(), problem.keep_outs
     rows = {name: part.tolist() for name, part in limits.items()}
     zone_data = {"radii": zones.radii.tolist(), "weights": zones.weights.tolist()}

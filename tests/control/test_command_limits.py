@@ -67,10 +67,10 @@ def test_unicycle_of_the_preset_recommended_has_the_limits_of_the_robot(name):
 def test_unicycle_uses_its_limits_where_the_reference_needs_them():
     parameters, start = robot_limits(PAPER), FAST.at(0.0).pose
     problem = tracking_problem(parameters, 1.0, start, FAST, horizon=5, dt=DT)
-    assert problem.limits[0] == pytest.approx(2.7, rel=0.1)
+    assert problem.limits.speed == pytest.approx(2.7, rel=0.1)
     hold = Hold(Pose(1.0, 1.0, 0.0), 5.0)
     problem = tracking_problem(parameters, 0.0, start, hold, horizon=5, dt=DT)
-    assert problem.limits.tolist() == [1.5, 3.14]
+    assert problem.limits == (1.5, 3.14)
 
 
 @pytest.mark.parametrize("make", [classical_pid, unicycle_nmpc])

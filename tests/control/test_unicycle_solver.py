@@ -129,7 +129,8 @@ def test_solution_is_consistent_with_its_controls():
     np.testing.assert_array_equal(solution.states[0], problem.start)
     assert solution.cost == cost_of(problem, solution.controls)
     moved = solution.controls - gradient_of(problem, solution.controls)
-    projected = np.clip(moved, -problem.limits, problem.limits)
+    limits = np.array(problem.limits)
+    projected = np.clip(moved, -limits, limits)
     assert solution.residual == np.abs(solution.controls - projected).max()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
@@ -15,7 +17,7 @@ def tracking_cost(  # noqa: PLR0917
     state_weights: Float[Array, "points 3"],
     controls: Float[Array, "stages controls"],
     feedforward: Float[Array, "stages controls"],
-    control_weights: Float[Array, " controls"],
+    control_weights: Float[Array, " controls"] | Sequence[float],
 ) -> float:
     """Return ``sum |x_k - xref_k|^2_{Q_k} + sum |u_k - uref_k|^2_R``; all weights are diagonal."""
     total = 0.0

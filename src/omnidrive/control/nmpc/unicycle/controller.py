@@ -62,7 +62,7 @@ def unicycle_law(
     x, y, direction = solution.states[1].tolist()
     c, s = cos(direction), sin(direction)
     error = c * (float(problem.targets[1, 1]) - y) - s * (float(problem.targets[1, 0]) - x)
-    max_lateral = sqrt(max(float(problem.limits[0]) ** 2 - speed**2, 0.0))
+    max_lateral = sqrt(max(problem.limits.speed**2 - speed**2, 0.0))
     lateral = min(max(lateral_gain * error, -max_lateral), max_lateral)
     twist = WorldTwist(c * speed - s * lateral, s * speed + c * lateral, yaw_rate)
     return to_body(twist, float(problem.start[2]))

@@ -47,12 +47,14 @@ class UnicycleIpopt:
             self._programs[stages] = _program(stages, self.settings)
         guess = clip_controls(problem, guess)
         unbounded = np.full((stages + 1, 3), np.inf)
+        parameters = problem._asdict()
+        limits = np.tile(parameters.pop("limits"), (stages, 1))
         program = self._programs[stages]
         result = program(
             x0=_pack(guess, roll_out(problem, guess)),
-            p=np.concatenate([np.ravel(part) for part in problem[:-1]]),
-            lbx=_pack(np.tile(-problem.limits, (stages, 1)), -unbounded),
-            ubx=_pack(np.tile(problem.limits, (stages, 1)), unbounded),
+            p=np.concatenate([np.ravel(part) for part in parameters.values()]),
+            lbx=_pack(-limits, -unbounded),
+            ubx=_pack(limits, unbounded),
             lbg=0.0,
             ubg=0.0,
         )

@@ -9,6 +9,15 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 
 
+class Control(NamedTuple):
+    """A control of the unicycle, or a number for each component of one."""
+
+    speed: float
+    """Along the heading, m/s."""
+    yaw_rate: float
+    """In rad/s."""
+
+
 class UnicycleProblem(NamedTuple):
     """Tracking of a reference with a unicycle over N stages of ``dt`` seconds.
 
@@ -35,7 +44,7 @@ class UnicycleProblem(NamedTuple):
     """uref_k; m/s, rad/s."""
     state_weights: Float[Array, "points 3"]
     """Diagonal of Q_k; 1/m^2, 1/m^2, 1/rad^2. The last row is the terminal weight."""
-    control_weights: Float[Array, " 2"]
+    control_weights: Control
     """Diagonal of R, positive; s^2/m^2, s^2/rad^2."""
-    limits: Float[Array, " 2"]
+    limits: Control
     """Largest |speed| in m/s and |yaw rate| in rad/s."""

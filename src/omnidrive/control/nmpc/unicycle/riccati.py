@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from math import hypot
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.control.nmpc.unicycle.problem import UnicycleProblem
+from omnidrive.control.nmpc.unicycle.problem import Control, UnicycleProblem
 from omnidrive.control.nmpc.unicycle.stage_point import StagePoint
 
 _MIN_CURVATURE = 1e-8
 """A control Hessian with an eigenvalue below this counts as not positive definite."""
+
+
+_CHANGE = np.dtype([(name, "f8") for name in ("constant", "x", "y", "yaw")], align=True)
+"""Change of a control: a constant, and the gains on the deviations x, y and yaw of the state."""
+_FEEDBACK = np.dtype([("speed", _CHANGE), ("yaw_rate", _CHANGE)], align=True)
+"""Changes of the controls of a stage."""
 
 
 class _CostToGo(NamedTuple):
@@ -81,7 +87,7 @@ def newton_step(
         Hessian is not positive definite, zero before that stage, and after it the optimal response
         to the deviation that it causes.
     """
-    feedback = np.empty((len(point.controls), 2, 4))
+    feedback = np.empty(len(point.controls), _FEEDBACK)
     definite = _backward_sweep(problem, point, curvature, feedback)
     return definite, _forward_sweep(problem, point, feedback)
 
@@ -91,7 +97,7 @@ def _backward_sweep(
     problem: UnicycleProblem,
     point: StagePoint,
     curvature: float,
-    feedback: Float[Array, "stages 2 4"],
+    feedback: Any,
 ) -> bool:
     """Minimise the quadratic model of J from the last stage to the first.
 
@@ -99,8 +105,7 @@ def _backward_sweep(
         problem: The problem.
         point: Point of linearisation.
         curvature: As for :func:`newton_step`.
-        feedback: Output, for each stage k: row 0 is the change of the speed, row 1 that of the
-            yaw rate, each as a constant and the gains on the deviations x, y and yaw.
+        feedback: Output, for each stage: a record of :data:`_FEEDBACK`.
 
     Returns:
         Whether the Hessian is positive definite. If not, the feedback yields the direction of
@@ -116,7 +121,7 @@ def _backward_sweep(
         if not definite:
             _mask_feedback(feedback, k, _min_eigenvector(model, free[k, 0], free[k, 1]))
             break
-        cost_to_go = _minimise_stage(cost_to_go, model, inverse, feedback, k)
+        cost_to_go = _minimise_stage(cost_to_go, model, inverse, feedback[k])
     return definite
 
 
@@ -145,9 +150,9 @@ def _stage_model(
     model = _ControlModel(
         gs=a * h.gx + b * h.gy + gradient[k, 0],
         gr=dt * h.gt + gradient[k, 1],
-        ss=a * sx + b * sy + 2.0 * problem.control_weights[0],
+        ss=a * sx + b * sy + 2.0 * problem.control_weights.speed,
         sr=dt * st,
-        rr=dt * rt + 2.0 * problem.control_weights[1],
+        rr=dt * rt + 2.0 * problem.control_weights.yaw_rate,
         sx=sx,
         sy=sy,
         st=st + f * sx + g * sy + a * ly - b * lx,
@@ -194,25 +199,23 @@ def _minimise_stage(
     h: _CostToGo,
     u: _ControlModel,
     inverse: tuple[float, float, float],
-    feedback: Float[Array, "stages 2 4"],
-    k: int,
+    feedback: Any,
 ) -> _CostToGo:
-    """Return the cost to go of stage k with its optimal control change, stored in ``feedback``.
+    """Return the cost to go of a stage with its optimal control change, stored in ``feedback``.
 
     Args:
         h: Terms in the deviation of the state alone.
         u: Terms with a change of the controls.
         inverse: Entries ss, sr and rr of the inverse of the Hessian of the free controls.
-        feedback: Output: the control change of stage k, as for :func:`_backward_sweep`.
-        k: Index of the stage.
+        feedback: Output: the changes of the controls, a record of :data:`_FEEDBACK`.
     """
     ss, sr, rr = inverse
     s1, sx = -ss * u.gs - sr * u.gr, -ss * u.sx - sr * u.rx
     sy, st = -ss * u.sy - sr * u.ry, -ss * u.st - sr * u.rt
     r1, rx = -sr * u.gs - rr * u.gr, -sr * u.sx - rr * u.rx
     ry, rt = -sr * u.sy - rr * u.ry, -sr * u.st - rr * u.rt
-    feedback[k, 0, 0], feedback[k, 0, 1], feedback[k, 0, 2], feedback[k, 0, 3] = s1, sx, sy, st
-    feedback[k, 1, 0], feedback[k, 1, 1], feedback[k, 1, 2], feedback[k, 1, 3] = r1, rx, ry, rt
+    _set_change(feedback.speed, s1, sx, sy, st)
+    _set_change(feedback.yaw_rate, r1, rx, ry, rt)
     return _CostToGo(
         gx=h.gx + u.sx * s1 + u.rx * r1,
         gy=h.gy + u.sy * s1 + u.ry * r1,
@@ -227,44 +230,56 @@ def _minimise_stage(
 
 
 @compiled
-def _min_eigenvector(u: _ControlModel, free_speed: bool, free_rate: bool) -> tuple[float, float]:
+def _min_eigenvector(u: _ControlModel, free_speed: bool, free_rate: bool) -> Control:
     """Return the unit eigenvector of the smallest eigenvalue of the free controls' Hessian."""
     if not free_rate:
-        return 1.0, 0.0
+        return Control(1.0, 0.0)
     if not free_speed:
-        return 0.0, 1.0
+        return Control(0.0, 1.0)
     eigenvalue = 0.5 * (u.ss + u.rr) - hypot(0.5 * (u.ss - u.rr), u.sr)
     if u.ss > u.rr:  # of the two formulas for it, the one without cancellation
         speed, rate = -u.sr, u.ss - eigenvalue
     else:
         speed, rate = u.rr - eigenvalue, -u.sr
     length = max(hypot(speed, rate), 1e-300)
-    return speed / length, rate / length
+    return Control(speed / length, rate / length)
 
 
 @compiled
-def _mask_feedback(
-    feedback: Float[Array, "stages 2 4"], stage: int, direction: tuple[float, float]
-) -> None:
+def _set_change(change: Any, constant: float, x: float, y: float, yaw: float) -> None:
+    """Set a record of :data:`_CHANGE`."""
+    change.constant, change.x, change.y, change.yaw = constant, x, y, yaw
+
+
+@compiled
+def _mask_feedback(feedback: Any, stage: int, direction: Control) -> None:
     """Replace the feedback up to ``stage``, without gains: zero before it, ``direction`` at it."""
-    for k in range(len(feedback)):
-        for i in range(2):
-            feedback[k, i, 0] = direction[i] if k == stage else 0.0
-            for j in range(1, 4):
-                feedback[k, i, j] = feedback[k, i, j] if k > stage else 0.0
+    for k in range(stage):
+        _set_change(feedback[k].speed, 0.0, 0.0, 0.0, 0.0)
+        _set_change(feedback[k].yaw_rate, 0.0, 0.0, 0.0, 0.0)
+    _set_change(feedback[stage].speed, direction.speed, 0.0, 0.0, 0.0)
+    _set_change(feedback[stage].yaw_rate, direction.yaw_rate, 0.0, 0.0, 0.0)
+    for k in range(stage + 1, len(feedback)):
+        feedback[k].speed.constant = feedback[k].yaw_rate.constant = 0.0
+
+
+@compiled
+def _change_of(change: Any, x: float, y: float, yaw: float) -> float:
+    """Return the change of a control with a deviation of the state."""
+    return float(change.constant + change.x * x + change.y * y + change.yaw * yaw)
 
 
 @compiled
 def _forward_sweep(
-    problem: UnicycleProblem, point: StagePoint, feedback: Float[Array, "stages 2 4"]
+    problem: UnicycleProblem, point: StagePoint, feedback: Any
 ) -> Float[Array, "stages 2"]:
     """Apply the feedback along the linearised motion; return the changes of the controls."""
-    controls, jacobian, dt, law = point.controls, point.speed_jacobian, problem.dt, feedback
+    controls, jacobian, dt = point.controls, point.speed_jacobian, problem.dt
     steps = np.empty((len(controls), 2))
     x = y = t = 0.0  # deviation of the state; t is the yaw
     for k in range(len(controls)):
-        speed = law[k, 0, 0] + law[k, 0, 1] * x + law[k, 0, 2] * y + law[k, 0, 3] * t
-        rate = law[k, 1, 0] + law[k, 1, 1] * x + law[k, 1, 2] * y + law[k, 1, 3] * t
+        speed = _change_of(feedback[k].speed, x, y, t)
+        rate = _change_of(feedback[k].yaw_rate, x, y, t)
         steps[k, 0], steps[k, 1] = speed, rate
         x += jacobian[k, 0] * speed - jacobian[k, 1] * controls[k, 0] * t
         y += jacobian[k, 1] * speed + jacobian[k, 0] * controls[k, 0] * t

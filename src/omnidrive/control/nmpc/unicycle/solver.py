@@ -11,7 +11,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, EXITS, STALLED
 from omnidrive.control.nmpc.unicycle.motion import clip, clip_controls
-from omnidrive.control.nmpc.unicycle.problem import UnicycleProblem
+from omnidrive.control.nmpc.unicycle.problem import Control, UnicycleProblem
 from omnidrive.control.nmpc.unicycle.riccati import newton_step
 from omnidrive.control.nmpc.unicycle.solution import Assessment, UnicycleSolution, assess
 from omnidrive.control.nmpc.unicycle.stage_point import (
@@ -62,7 +62,11 @@ class UnicycleSolver:
 
     def solve(self, problem: UnicycleProblem, guess: Float[Array, "stages 2"]) -> UnicycleSolution:
         """Return the local optimum reached from ``guess`` (m/s, rad/s); never raise."""
-        controls, assessment, iterations, code = _solve_unicycle(*problem, guess, *self.settings)
+        p = problem
+        controls, assessment, iterations, code = _solve_unicycle(
+            p.dt, p.start, p.targets, p.feedforward, p.state_weights, *p.control_weights,
+            *p.limits, guess, *self.settings,
+        )  # fmt: skip
         return UnicycleSolution.from_assessment(controls, assessment, iterations, EXITS[code])
 
 
@@ -73,8 +77,10 @@ def _solve_unicycle(  # noqa: PLR0917
     targets: Float[Array, "points 3"],
     feedforward: Float[Array, "stages 2"],
     state_weights: Float[Array, "points 3"],
-    control_weights: Float[Array, " 2"],
-    limits: Float[Array, " 2"],
+    speed_weight: float,
+    yaw_rate_weight: float,
+    max_speed: float,
+    max_yaw_rate: float,
     guess: Float[Array, "stages 2"],
     tolerance: float,
     max_iterations: int,
@@ -83,9 +89,8 @@ def _solve_unicycle(  # noqa: PLR0917
 
     The fields of the problem are separate arguments because a call with a tuple takes longer.
     """
-    problem = UnicycleProblem(
-        dt, start, targets, feedforward, state_weights, control_weights, limits
-    )
+    weights, limits = Control(speed_weight, yaw_rate_weight), Control(max_speed, max_yaw_rate)
+    problem = UnicycleProblem(dt, start, targets, feedforward, state_weights, weights, limits)
     controls, iterations, code = _minimise(problem, guess, tolerance, max_iterations)
     return controls, assess(problem, controls), iterations, code
 

@@ -12,7 +12,7 @@ from omnidrive.compiled import compiled
 from omnidrive.control.controller import CommandLimits
 from omnidrive.control.nmpc.common.unwrap import unwrap_near
 from omnidrive.control.nmpc.unicycle.parameters import UnicycleParameters
-from omnidrive.control.nmpc.unicycle.problem import UnicycleProblem
+from omnidrive.control.nmpc.unicycle.problem import Control, UnicycleProblem
 from omnidrive.geometry import Pose
 from omnidrive.reference import Reference
 
@@ -45,9 +45,9 @@ def tracking_problem(
     feedforward = finite_differences(targets, dt)
     speed, yaw_rate = np.abs(feedforward).max(axis=0).tolist()
     largest = largest_motion(p, reference.duration, dt)
-    limits = (
-        min(largest.speed, max(p.free_speed, speed)),
-        min(largest.yaw_rate, max(p.free_yaw_rate, yaw_rate)),
+    limits = Control(
+        float(min(largest.speed, max(p.free_speed, speed))),
+        float(min(largest.yaw_rate, max(p.free_yaw_rate, yaw_rate))),
     )
     return UnicycleProblem(
         dt=float(dt),
@@ -55,8 +55,8 @@ def tracking_problem(
         targets=targets,
         feedforward=feedforward,
         state_weights=weights,
-        control_weights=np.array([p.speed_weight, p.yaw_rate_weight]),
-        limits=np.array(limits),
+        control_weights=Control(float(p.speed_weight), float(p.yaw_rate_weight)),
+        limits=limits,
     )
 
 
