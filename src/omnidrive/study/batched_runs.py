@@ -25,13 +25,6 @@ from omnidrive.scenario.run_settings import run_seed
 from omnidrive.scenario.run_simulation import reference_of, start_of
 from omnidrive.simulation import KinematicPlant, PlanarPlant
 from omnidrive.simulation.batch.closed_loops import BatchRun, ClosedLoops, LoopLogs
-from omnidrive.simulation.batch.loop import (
-    LOG_COMMAND,
-    LOG_ESTIMATE,
-    LOG_POSE,
-    LOG_STATUS,
-    LOG_WORK,
-)
 from omnidrive.simulation.batch.run_samples import RunSamples, Sampler
 from omnidrive.simulation.sensors.sensors import quantized_array
 from omnidrive.study.planned_run import PlannedRun
@@ -188,15 +181,15 @@ class _Loop:
         supervisor = make_supervisor(self._planned.scenario, self._planned.robot)
         acts = np.zeros(len(logs.rows), dtype=bool)
         if supervisor.watchdog is not None:
-            acts |= supervisor.watchdog.may_stop(logs.columns(LOG_ESTIMATE, 2), due[:, :2])
+            acts |= supervisor.watchdog.may_stop(logs.column("estimate")[:, :, :2], due[:, :2])
         if supervisor.monitor is not None and self._loops.forces:
-            angles = logs.of_wheels(2)
+            angles = logs.of_wheels("angle")
             counted = quantized_array(angles - angles[:, :1], EncoderSettings().step)
             acts |= supervisor.monitor.may_report(
-                logs.columns(LOG_COMMAND, 3),
+                logs.column("command"),
                 self._planned.scenario.sample_time,
                 counted,
-                logs.of_wheels(1),
+                logs.of_wheels("torque"),
             )
         return acts
 
@@ -204,24 +197,24 @@ class _Loop:
         self, runs: Sequence[PlannedRun], logs: LoopLogs, start: Pose
     ) -> list[RunRecord]:
         """Return the records of finished runs on one motion."""
-        pose, samples = logs.columns(LOG_POSE, 3), logs.samples
+        pose, samples = logs.column("pose"), logs.samples
         if runs[0].settings.task == "step":
             goal = Pose(*samples.targets[0].tolist())
             responses = [_responses(samples.times, each, start, goal) for each in pose]
-            work = logs.rows[:, -1, LOG_WORK].tolist()
+            work = logs.column("work")[:, -1].tolist()
             return [
                 finished_record(run, step_values(*each), {})
                 for run, *each in zip(runs, responses, work, strict=True)
             ]
-        command = logs.columns(LOG_COMMAND, 3)
+        command = logs.column("command")
         logged = LoggedRuns(
             samples.times,
             samples.targets,
             pose,
-            logs.columns(LOG_ESTIMATE, 3),
+            logs.column("estimate"),
             command @ self._planned.robot.drive.jacobian.T,
-            logs.rows[:, -1, LOG_WORK],
-            (logs.rows[:, :, LOG_STATUS] == Status.FALLBACK).sum(axis=1),
+            logs.column("work")[:, -1],
+            (logs.column("status") == Status.FALLBACK).sum(axis=1),
         )
         clearances: list[float | None] = [None] * len(runs)
         if runs[0].settings.task != "faults":

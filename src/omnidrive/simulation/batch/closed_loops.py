@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable, Sequence
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -19,15 +19,15 @@ from omnidrive.errors import InvalidInput, kind_of
 from omnidrive.geometry import Pose
 from omnidrive.simulation.batch.loop import (
     CARRIED,
-    END,
     FIGURES,
     FINISHED,
-    LOG_WHEELS,
+    LOG,
+    LOG_COLUMNS,
     RunArrays,
     SampleArrays,
     closed_loop,
 )
-from omnidrive.simulation.batch.plants import BatchPlant
+from omnidrive.simulation.batch.plants import MOTION, BatchPlant
 from omnidrive.simulation.batch.results import run_of
 from omnidrive.simulation.batch.run_samples import RunSamples
 from omnidrive.simulation.plant import Plant
@@ -49,8 +49,8 @@ class BatchRun(NamedTuple):
 class RunResults(NamedTuple):
     """Results of consecutive runs."""
 
-    figures: Float[Array, "runs figures"]
-    """Columns as in :data:`~omnidrive.simulation.batch.loop.FIGURES`."""
+    figures: Any
+    """One record of :data:`~omnidrive.simulation.batch.loop.FIGURES` per run."""
     logs: list[Run]
     """One per run; empty if logs are not kept."""
 
@@ -59,7 +59,8 @@ class LoopLogs(NamedTuple):
     """Logs of runs with the same samples, as arrays."""
 
     samples: SampleArrays
-    figures: Float[Array, "runs figures"]
+    figures: Any
+    """As :attr:`RunResults.figures`."""
     rows: Float[Array, "runs samples columns"]
     """Rows that the compiled loop filled in; those after the end of a run have no meaning."""
     wheels: int
@@ -67,7 +68,7 @@ class LoopLogs(NamedTuple):
     @property
     def finished(self) -> Bool[Array, " runs"]:
         """Whether each run reached the end of its reference."""
-        done: Bool[Array, " runs"] = self.figures[:, END] == FINISHED
+        done: Bool[Array, " runs"] = self.figures["end"] == FINISHED
         return done
 
     def of(self, chosen: Bool[Array, " runs"]) -> LoopLogs:
@@ -76,13 +77,17 @@ class LoopLogs(NamedTuple):
             return self
         return self._replace(figures=self.figures[chosen], rows=self.rows[chosen])
 
-    def columns(self, first: int, count: int) -> Float[Array, "runs samples {count}"]:
-        """Return consecutive columns of the logs, see :mod:`~omnidrive.simulation.batch.loop`."""
-        return np.ascontiguousarray(self.rows[:, :, first : first + count])
+    def column(self, name: str) -> Float[Array, "runs samples *_"]:
+        """Return a field of the logs, by its name in :data:`.loop.LOG`."""
+        records = self.rows[:, :, :LOG_COLUMNS].view(LOG)[:, :, 0]
+        return np.ascontiguousarray(records[name])
 
-    def of_wheels(self, part: int) -> Float[Array, "runs samples wheels"]:
-        """Return the wheels' speeds (part 0, rad/s), torques (1, N m) or angles (2, rad)."""
-        return self.columns(LOG_WHEELS + part * self.wheels, self.wheels)
+    def of_wheels(
+        self, part: Literal["speed", "torque", "angle"]
+    ) -> Float[Array, "runs samples _"]:
+        """Return a quantity of the wheels; rad/s, N m, rad."""
+        first = LOG_COLUMNS + ("speed", "torque", "angle").index(part) * self.wheels
+        return np.ascontiguousarray(self.rows[:, :, first : first + self.wheels])
 
 
 class ClosedLoops:
@@ -119,7 +124,7 @@ class ClosedLoops:
     @property
     def log_columns(self) -> int:
         """Number of columns of a log; 0 if logs are not kept."""
-        return LOG_WHEELS + 3 * self._wheels + len(self._units) if self._keeps_logs else 0
+        return LOG_COLUMNS + 3 * self._wheels + len(self._units) if self._keeps_logs else 0
 
     @property
     def forces(self) -> bool:
@@ -167,7 +172,7 @@ class ClosedLoops:
         for k, disturbances in samples.changes:
             self._loop(*self._arguments(plant, samples.arrays, arrays), begin, k + 1)
             begin = k + 1
-            if arrays.figures[0, END] == 0.0:
+            if arrays.figures["end"][0] == 0:
                 plant.apply(disturbances)
         self._loop(*self._arguments(plant, samples.arrays, arrays), begin, count)
         if samples.changes:
@@ -184,14 +189,17 @@ class ClosedLoops:
     def _arrays(self, runs: int, count: int, starts: Array, uniforms: Array) -> RunArrays:
         details, columns = len(self._units), self.log_columns
         floats = np.zeros(size_in_floats(self.law.memory))
+        carried = np.zeros(runs, CARRIED)
+        carried["estimate"] = starts
         return RunArrays(
             starts,
             uniforms,
-            np.zeros((runs, CARRIED)),
+            carried,
+            np.zeros(1, MOTION),
             floats,
             views(self.law.memory, floats),
-            np.zeros((runs, 2, details)),
-            np.zeros((runs, FIGURES)),
+            np.full((runs, 2, details), np.nan),
+            np.zeros(runs, FIGURES),
             np.empty((runs, count if columns else 0, columns)),
         )
 

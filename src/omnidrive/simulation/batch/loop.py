@@ -16,7 +16,8 @@ from omnidrive.control.command_check import MAX_COMMAND
 from omnidrive.control.compiled_law import UNKNOWN_TWIST, UNKNOWN_VARIANCES, SampleState
 from omnidrive.estimation.state import LARGEST
 from omnidrive.geometry.kernels import wrap
-from omnidrive.simulation.batch.plants import Motion, PlantKernels
+from omnidrive.robot.slip import Vector
+from omnidrive.simulation.batch.plants import PlantKernels
 
 SILENT, LATE, NO_SETPOINTS = 1, 2, 4
 """Bits of :attr:`SampleArrays.flags`: no pose fix is taken; the new command comes too late; the
@@ -25,26 +26,46 @@ reference gave no setpoints to the controller."""
 FINISHED, CONTROLLER_FAILED, REFERENCE_FAILED, PLANT_FAILED = 1, 2, 3, 4
 """Ends of a run; 0: it has not ended."""
 
-(
-    SUM_DISTANCE, SUM_TURN, LARGEST_DISTANCE, WORK, STEPS_OK, STEPS_FALLBACK, STEPS_FAILED, ROWS,
-    END,
-) = range(9)  # fmt: skip
-FIGURES = 9
-"""Number of figures of a run, in this order."""
+FIGURES = np.dtype([
+    ("sum_distance", "f8"),
+    ("sum_turn", "f8"),
+    ("max_distance", "f8"),
+    ("work", "f8"),
+    ("statuses", "i8", 3),
+    ("rows", "i8"),
+    ("end", "i8"),
+], align=True)  # fmt: skip
+"""Figures of a run: sum and largest of the distances between true and reference position (m), sum
+of the absolute heading errors (rad), work (J), samples with each status, samples, and its end."""
 
-LOG_POSE, LOG_ESTIMATE, LOG_SIGMA, LOG_TARGET, LOG_COMMAND, LOG_TWIST, LOG_WORK = (
-    0, 3, 6, 7, 10, 13, 16,
-)  # fmt: skip
-LOG_STATUS, LOG_SATURATED, LOG_WHEELS = 17, 18, 19
-"""First columns of the parts of a row of the log; the wheels' speeds, torques, angles and then the
-details of the controller are at its end."""
+LOG = np.dtype([
+    ("pose", "f8", 3),
+    ("estimate", "f8", 3),
+    ("sigma", "f8"),
+    ("target", "f8", 3),
+    ("command", "f8", 3),
+    ("twist", "f8", 3),
+    ("work", "f8"),
+    ("status", "f8"),
+    ("saturated", "f8"),
+])  # fmt: skip
+"""First columns of a row of the log; the wheels' speeds, torques, angles and then the details of
+the controller are at its end."""
 
-# places in the carried state of a run, from one sample to the next
-_SENT, _PREVIOUS, _PREVIOUS_STATUS, _ESTIMATE, _FIXED, _FIX_TIME, _DRAWN = (
-    0, 3, 6, 7, 10, 11, 12,
-)  # fmt: skip
-CARRIED = 13
-"""Number of floats of the carried state."""
+LOG_COLUMNS = LOG.itemsize // 8
+
+CARRIED = np.dtype([
+    ("sent", "f8", 3),
+    ("previous", "f8", 3),
+    ("previous_status", "i8"),
+    ("estimate", "f8", 3),
+    ("has_fix", "i8"),
+    ("fix_time", "f8"),
+    ("drawn", "i8"),
+], align=True)  # fmt: skip
+"""What a run keeps from one sample to the next: the command that was sent, the one computed before
+it with its status, the estimated pose, whether there was a pose fix, the time of the latest (s),
+and how many samples of the noise are drawn."""
 
 _OK, _FAILED = 0, 2
 
@@ -79,57 +100,64 @@ class RunArrays(NamedTuple):
     """Pose at t = 0; m, m, rad."""
     uniforms: Float[Array, "runs draws 3"]
     """Random numbers of the paper's noise, in the order of drawing; without draws: no noise."""
-    carried: Float[Array, "runs carried"]
+    carried: Any
+    """One record of :data:`CARRIED` per run."""
+    motion: Any
+    """True motion of one run at a time, a record of :data:`~.plants.MOTION`."""
     floats: Float[Array, " floats"]
     """Memory of the law, of one run at a time, as floats of the same bytes."""
     memory: Any
     """The same with the structure that the law needs."""
     details: Float[Array, "runs 2 details"]
     """Details of the command computed in this sample, and in the one before."""
-    figures: Float[Array, "runs figures"]
+    figures: Any
+    """One record of :data:`FIGURES` per run."""
     logs: Float[Array, "runs samples columns"]
     """Rows of the logs; without columns: none."""
 
 
 @inlined
-def update_estimate(
-    t: float, silent: bool, motion: Motion, uniforms: Array, carried: Array
-) -> None:
+def update_estimate(t: float, silent: bool, motion: Any, uniforms: Array, carried: Any) -> None:
     """Take a pose fix and update the estimate, as ``PaperNoise`` and ``LatestFix`` do."""
     if silent:
         return
-    x, y, yaw = motion[0], motion[1], motion[2]
+    x, y, yaw = motion.pose[0], motion.pose[1], motion.pose[2]
     if len(uniforms) > 0:
-        size, drawn = sin(t / 5.0) / 6.0, int(carried[_DRAWN])
+        size, drawn = sin(t / 5.0) / 6.0, carried.drawn
         x += uniforms[drawn, 0] * size
         y += uniforms[drawn, 1] * size
         yaw += uniforms[drawn, 2] * size
-        carried[_DRAWN] += 1.0
+        carried.drawn += 1
     if not (abs(x) <= LARGEST and abs(y) <= LARGEST and abs(yaw) <= LARGEST):
         return
-    turns = round((carried[_ESTIMATE + 2] - yaw) / (2.0 * pi))
-    carried[_ESTIMATE], carried[_ESTIMATE + 1] = x, y
-    carried[_ESTIMATE + 2] = yaw + 2.0 * pi * turns
-    carried[_FIXED], carried[_FIX_TIME] = 1.0, t
+    estimate = carried.estimate
+    turns = round((estimate[2] - yaw) / (2.0 * pi))
+    estimate[0], estimate[1], estimate[2] = x, y, yaw + 2.0 * pi * turns
+    carried.has_fix, carried.fix_time = 1, t
 
 
 @inlined
-def sample_state(samples: SampleArrays, k: int, noisy: bool, carried: Array) -> SampleState:
+def sample_state(samples: SampleArrays, k: int, noisy: bool, carried: Any) -> SampleState:
     """Return the estimate of ``LatestFix`` in sample k: the noise of a fix is unknown."""
-    pose = (carried[_ESTIMATE], carried[_ESTIMATE + 1], carried[_ESTIMATE + 2])
     t, variances = samples.times[k], (0.0, 0.0, 0.0)
-    if noisy and carried[_FIXED] > 0.0:
+    if noisy and carried.has_fix > 0:
         variances = UNKNOWN_VARIANCES
-    age = t - carried[_FIX_TIME]
+    age, pose = t - carried.fix_time, as_vector(carried.estimate)
     return SampleState(t, pose, UNKNOWN_TWIST, variances, age, samples.delays[k], samples.last[k])
 
 
 @inlined
-def is_finite(motion: Motion) -> bool:
+def as_vector(array: Array) -> Vector:
+    """Return the three components of an array."""
+    return array[0], array[1], array[2]
+
+
+@inlined
+def is_finite(motion: Any) -> bool:
     """Return whether pose and twist are finite."""
     finite = True
-    for i in range(6):
-        finite &= isfinite(motion[i])
+    for i in range(3):
+        finite &= isfinite(motion.pose[i]) and isfinite(motion.twist[i])
     return finite
 
 
@@ -149,7 +177,7 @@ def checked_status(status: int, command: Array, memory: Array) -> int:
 
 
 @inlined
-def send(command: Array, status: int, late: bool, carried: Array, details: Array) -> int:
+def send(command: Array, status: int, late: bool, carried: Any, details: Array) -> int:
     """Set the command to send and keep the computed one; return the status of the sent one.
 
     The details of the sent command are then in row 0 of ``details``, those of the computed command
@@ -157,11 +185,11 @@ def send(command: Array, status: int, late: bool, carried: Array, details: Array
     """
     if status == _FAILED:
         command[:], details[0] = 0.0, nan
-    sent_status = int(carried[_PREVIOUS_STATUS]) if late else status
+    sent_status = carried.previous_status if late else status
     for i in range(3):
-        carried[_SENT + i] = carried[_PREVIOUS + i] if late else command[i]
-        carried[_PREVIOUS + i] = command[i]
-    carried[_PREVIOUS_STATUS] = status
+        carried.sent[i] = carried.previous[i] if late else command[i]
+        carried.previous[i] = command[i]
+    carried.previous_status = status
     for i in range(details.shape[1]):
         computed = details[0, i]
         details[0, i] = details[1, i] if late else computed
@@ -170,28 +198,29 @@ def send(command: Array, status: int, late: bool, carried: Array, details: Array
 
 
 @inlined
-def add_to_figures(motion: Motion, target: Array, status: int, figures: Array) -> None:
+def add_to_figures(motion: Any, target: Vector, status: int, figures: Any) -> None:
     """Add one sample to the figures of a run."""
-    distance = hypot(motion[0] - target[0], motion[1] - target[1])
-    figures[SUM_DISTANCE] += distance
-    figures[SUM_TURN] += abs(wrap(motion[2] - target[2]))
-    figures[LARGEST_DISTANCE] = max(figures[LARGEST_DISTANCE], distance)
-    figures[WORK] = motion[6]
-    figures[STEPS_OK + status] += 1.0
-    figures[ROWS] += 1.0
+    pose = motion.pose
+    distance = hypot(pose[0] - target[0], pose[1] - target[1])
+    figures.sum_distance += distance
+    figures.sum_turn += abs(wrap(pose[2] - target[2]))
+    figures.max_distance = max(figures.max_distance, distance)
+    figures.work = motion.work
+    figures.statuses[status] += 1
+    figures.rows += 1
 
 
 @inlined
 def write_row(  # noqa: PLR0917
-    motion: Motion, target: Array, status: int, noisy: bool, carried: Array, row: Array
+    motion: Any, target: Vector, status: int, noisy: bool, carried: Any, row: Array
 ) -> None:
     """Write the columns of the log that every plant and law has."""
+    log = row[:LOG_COLUMNS].view(LOG)[0]
     for i in range(3):
-        row[LOG_POSE + i], row[LOG_ESTIMATE + i] = motion[i], carried[_ESTIMATE + i]
-        row[LOG_TARGET + i], row[LOG_COMMAND + i] = target[i], carried[_SENT + i]
-        row[LOG_TWIST + i] = motion[3 + i]
-    row[LOG_SIGMA] = nan if noisy and carried[_FIXED] > 0.0 else 0.0
-    row[LOG_WORK], row[LOG_STATUS], row[LOG_SATURATED] = motion[6], status, motion[7]
+        log.pose[i], log.estimate[i] = motion.pose[i], carried.estimate[i]
+        log.target[i], log.command[i], log.twist[i] = target[i], carried.sent[i], motion.twist[i]
+    log.sigma = nan if noisy and carried.has_fix > 0 else 0.0
+    log.work, log.status, log.saturated = motion.work, status, motion.saturated
 
 
 @inlined
@@ -200,14 +229,6 @@ def write_details(details: Array, row: Array) -> None:
     first = len(row) - details.shape[1]
     for i in range(details.shape[1]):
         row[first + i] = details[0, i]
-
-
-@inlined
-def reset_run(start: Array, carried: Array, memory: Array, details: Array, figures: Array) -> None:
-    """Set everything that a run keeps to its value at the start."""
-    carried[:], memory[:], figures[:], details[:] = 0.0, 0.0, 0.0, nan
-    for i in range(3):
-        carried[_ESTIMATE + i] = start[i]
 
 
 @cache
@@ -225,24 +246,24 @@ def closed_loop(kernels: PlantKernels, law: Callable[..., int]) -> Callable[...,
     @compiled
     def loop(model, initial, state, data, samples, runs, wheels, begin, end):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202, PLR0917
         """Advance all runs of a block over the samples from ``begin`` to ``end``."""
-        motion, command = np.empty(8), np.empty(3)
+        motion, command = runs.motion[0], np.empty(3)
         for r in range(len(runs.starts)):
             carried, details = runs.carried[r], runs.details[r]
             figures, uniforms = runs.figures[r], runs.uniforms[r]
             if begin == 0:
-                reset_run(runs.starts[r], carried, runs.floats, details, figures)
+                runs.floats[:] = 0.0
                 start_plant(initial, state, runs.starts[r], motion)
             for k in range(begin, end):
-                if figures[END] > 0.0:
+                if figures.end > 0:
                     break
                 if k > 0:
-                    step_plant(model, state, carried[:3], samples.steps[k - 1], motion)
+                    step_plant(model, state, carried.sent, samples.steps[k - 1], motion)
                     if not is_finite(motion):
-                        figures[END] = PLANT_FAILED
+                        figures.end = PLANT_FAILED
                         break
-                target = samples.targets[k]
+                target = as_vector(samples.targets[k])
                 if not isfinite(target[0] + target[1] + target[2]):
-                    target, figures[END] = carried[_ESTIMATE : _ESTIMATE + 3], REFERENCE_FAILED
+                    target, figures.end = as_vector(carried.estimate), REFERENCE_FAILED
                     status = send(command, _FAILED, False, carried, details)
                 else:
                     silent = samples.flags[k] & SILENT > 0
@@ -250,17 +271,17 @@ def closed_loop(kernels: PlantKernels, law: Callable[..., int]) -> Callable[...,
                     noisy = len(uniforms) > 0
                     status = control(data, samples, k, runs, noisy, carried, command, details)
                     if k == len(samples.times) - 1:
-                        figures[END] = FINISHED
+                        figures.end = FINISHED
                     elif status == _FAILED:
-                        figures[END] = CONTROLLER_FAILED
+                        figures.end = CONTROLLER_FAILED
                 add_to_figures(motion, target, status, figures)
                 if runs.logs.shape[2] > 0:
                     row = runs.logs[r, k]
                     write_row(motion, target, status, len(uniforms) > 0, carried, row)
                     write_details(details, row)
-                    speeds = row[LOG_WHEELS : LOG_WHEELS + wheels]
-                    torques = row[LOG_WHEELS + wheels : LOG_WHEELS + 2 * wheels]
-                    angles = row[LOG_WHEELS + 2 * wheels : LOG_WHEELS + 3 * wheels]
+                    speeds = row[LOG_COLUMNS : LOG_COLUMNS + wheels]
+                    torques = row[LOG_COLUMNS + wheels : LOG_COLUMNS + 2 * wheels]
+                    angles = row[LOG_COLUMNS + 2 * wheels : LOG_COLUMNS + 3 * wheels]
                     measure_wheels(state, speeds, torques, angles)
 
     return loop

@@ -7,6 +7,7 @@ from copy import copy
 from math import nan
 from typing import Any, NamedTuple, cast
 
+import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
@@ -21,14 +22,17 @@ from omnidrive.simulation.planar.state import PlanarState
 from omnidrive.simulation.plant import DisturbablePlant, Plant, count_steps
 
 _Vector = Float[Array, " 3"]
-Motion = Float[Array, " 8"]
+MOTION = np.dtype([("pose", "f8", 3), ("twist", "f8", 3), ("work", "f8"), ("saturated", "f8")])
 """True motion: pose (m, m, rad), body twist (m/s, m/s, rad/s), work (J), saturated limits."""
 
 compilable(count_steps)
 
 
 class PlantKernels(NamedTuple):
-    """A plant as kernels; ``model`` and ``state`` are named tuples of the plant's arrays."""
+    """A plant as kernels; ``model`` and ``state`` are named tuples of the plant's arrays.
+
+    ``motion`` is a record of :data:`MOTION`, filled in.
+    """
 
     start: Callable[..., None]
     """``start(initial, state, pose, motion)``: set the state to the initial one, at ``pose``."""
@@ -92,27 +96,32 @@ class _PlanarData(NamedTuple):
 
 @compiled
 def _start_kinematic(
-    initial: KinematicState, state: KinematicState, pose: _Vector, motion: Motion
+    initial: KinematicState, state: KinematicState, pose: _Vector, motion: Any
 ) -> None:
     state.motion[:], state.speeds[:] = initial.motion, initial.speeds
     for i in range(3):
         state.motion[i] = pose[i]
-    for i in range(6):
-        motion[i] = state.motion[i]
-    motion[6], motion[7] = nan, 0.0
+    _measure_kinematic(state, motion)
+    motion.saturated = 0.0
 
 
 @compiled
 def _step_kinematic(
-    model: KinematicModel, state: KinematicState, command: _Vector, dt: float, motion: Motion
+    model: KinematicModel, state: KinematicState, command: _Vector, dt: float, motion: Any
 ) -> None:
     scaled = follow(
         model.drive, model.inverse, model.limits, state.motion, state.speeds,
         command[0], command[1], command[2], dt,
     )  # fmt: skip
-    for i in range(6):
-        motion[i] = state.motion[i]
-    motion[6], motion[7] = nan, 1.0 if scaled else 0.0
+    _measure_kinematic(state, motion)
+    motion.saturated = 1.0 if scaled else 0.0
+
+
+@compiled
+def _measure_kinematic(state: KinematicState, motion: Any) -> None:
+    for i in range(3):
+        motion.pose[i], motion.twist[i] = state.motion[i], state.motion[3 + i]
+    motion.work = nan
 
 
 @compiled
@@ -122,7 +131,7 @@ def _kinematic_wheels(state: KinematicState, speeds: Array, torques: Array, angl
 
 
 @compiled
-def _start_planar(initial: PlanarState, state: PlanarState, pose: _Vector, motion: Motion) -> None:
+def _start_planar(initial: PlanarState, state: PlanarState, pose: _Vector, motion: Any) -> None:
     state.motion[:], state.wheels[:] = initial.motion, initial.wheels
     state.rollers[:] = initial.rollers
     body = state.motion[0]
@@ -132,7 +141,7 @@ def _start_planar(initial: PlanarState, state: PlanarState, pose: _Vector, motio
 
 @compiled
 def _step_planar(
-    model: _PlanarData, state: PlanarState, command: _Vector, dt: float, motion: Motion
+    model: _PlanarData, state: PlanarState, command: _Vector, dt: float, motion: Any
 ) -> None:
     steps = count_steps(dt, model.timestep)
     integrate(
@@ -143,11 +152,11 @@ def _step_planar(
 
 
 @compiled
-def _measure_planar(state: PlanarState, motion: Motion) -> None:
-    body = state.motion[0]
-    motion[0], motion[1], motion[2] = body.x, body.y, body.yaw
-    motion[3], motion[4], motion[5] = body.vx, body.vy, body.yaw_rate
-    motion[6], motion[7] = body.work, body.saturated
+def _measure_planar(state: PlanarState, motion: Any) -> None:
+    body, pose, twist = state.motion[0], motion.pose, motion.twist
+    pose[0], pose[1], pose[2] = body.x, body.y, body.yaw
+    twist[0], twist[1], twist[2] = body.vx, body.vy, body.yaw_rate
+    motion.work, motion.saturated = body.work, body.saturated
 
 
 @compiled

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,7 +12,7 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.control.supervision import Event
 from omnidrive.simulation.batch import loop
-from omnidrive.simulation.batch.loop import LOG_WHEELS
+from omnidrive.simulation.batch.loop import LOG, LOG_COLUMNS
 from omnidrive.simulation.run import Outcome, Run
 
 _OUTCOMES = {
@@ -48,26 +49,24 @@ class BatchResults:
     logs: tuple[Run, ...] = ()
 
     @classmethod
-    def of(
-        cls, first: int, figures: Float[Array, "runs figures"], logs: Sequence[Run]
-    ) -> BatchResults:
+    def of(cls, first: int, figures: np.ndarray[Any, Any], logs: Sequence[Run]) -> BatchResults:
         """Return the results for the figures that the compiled loop filled in."""
-        rows = figures[:, loop.ROWS]
+        rows = figures["rows"]
         return cls(
             first,
-            figures[:, loop.SUM_DISTANCE] / rows,
-            figures[:, loop.SUM_TURN] / rows,
-            figures[:, loop.LARGEST_DISTANCE].copy(),
-            figures[:, loop.WORK].copy(),
-            figures[:, loop.STEPS_OK : loop.STEPS_FAILED + 1].astype(np.int64),
-            tuple(_OUTCOMES[int(end)] for end in figures[:, loop.END]),
+            figures["sum_distance"] / rows,
+            figures["sum_turn"] / rows,
+            figures["max_distance"].copy(),
+            figures["work"].copy(),
+            figures["statuses"].copy(),
+            tuple(_OUTCOMES[end] for end in figures["end"].tolist()),
             tuple(logs),
         )
 
 
 def run_of(  # noqa: PLR0917
     log: Float[Array, "samples columns"],
-    figures: Float[Array, " figures"],
+    figures: Any,
     times: Float[Array, " samples"],
     wheels: int,
     units: Mapping[str, str],
@@ -79,37 +78,38 @@ def run_of(  # noqa: PLR0917
 
     Args:
         log: Rows that the compiled loop filled in.
-        figures: Figures that it filled in.
+        figures: Figures that it filled in, a record of :data:`.loop.FIGURES`.
         times: Time of each sample, s.
         wheels: Number of wheels.
         units: Name and unit of each detail of the controller.
         events: Events, and the sample in which each happens; -1: before the first.
         forces: Whether the plant has forces, and so reports torques.
     """
-    rows = int(figures[loop.ROWS])
+    rows = int(figures["rows"])
     table = log[:rows].copy()
+    column = table[:, :LOG_COLUMNS].view(LOG)[:, 0]
     none = np.empty((rows, 0))
-    moved = rows if figures[loop.END] == loop.PLANT_FAILED else rows - 1  # samples with a step
-    details = table[:, LOG_WHEELS + 3 * wheels :]
+    moved = rows if figures["end"] == loop.PLANT_FAILED else rows - 1  # samples with a step
+    details = table[:, LOG_COLUMNS + 3 * wheels :]
     return Run(
         t=times[:rows].copy(),
-        pose=table[:, loop.LOG_POSE : loop.LOG_POSE + 3],
-        measured=table[:, loop.LOG_ESTIMATE : loop.LOG_ESTIMATE + 3],
-        position_sigma=table[:, loop.LOG_SIGMA],
-        yaw_sigma=table[:, loop.LOG_SIGMA],
-        target=table[:, loop.LOG_TARGET : loop.LOG_TARGET + 3],
-        command=table[:, loop.LOG_COMMAND : loop.LOG_COMMAND + 3],
-        twist=table[:, loop.LOG_TWIST : loop.LOG_TWIST + 3],
-        wheel_speed=table[:, LOG_WHEELS : LOG_WHEELS + wheels],
-        wheel_torque=_torques(table[:, LOG_WHEELS + wheels : LOG_WHEELS + 2 * wheels], forces),
-        saturated=table[:, loop.LOG_SATURATED].astype(np.int64),
+        pose=column["pose"],
+        measured=column["estimate"],
+        position_sigma=column["sigma"],
+        yaw_sigma=column["sigma"],
+        target=column["target"],
+        command=column["command"],
+        twist=column["twist"],
+        wheel_speed=table[:, LOG_COLUMNS : LOG_COLUMNS + wheels],
+        wheel_torque=_torques(table[:, LOG_COLUMNS + wheels : LOG_COLUMNS + 2 * wheels], forces),
+        saturated=column["saturated"].astype(np.int64),
         wheel_speed_command=none,
         wheel_torque_command=none,
-        work=table[:, loop.LOG_WORK],
+        work=column["work"],
         step_time=np.full(rows, np.nan),
-        status=table[:, loop.LOG_STATUS].astype(np.int64),
+        status=column["status"].astype(np.int64),
         collisions=np.zeros(rows, np.int64),
-        outcome=_OUTCOMES[int(figures[loop.END])],
+        outcome=_OUTCOMES[int(figures["end"])],
         details={name: details[:, i] for i, name in enumerate(units)},
         detail_units=dict(units),
         events=tuple(event for k, event in events if k < moved),
