@@ -38,7 +38,7 @@ from omnidrive.control.pid.laws import (
     tune_gains,
 )
 from omnidrive.control.pid.presets import robot_parameters
-from omnidrive.control.pid.tracking import lead, missing_motion
+from omnidrive.control.pid.tracking import Pair, lead, missing_motion
 from omnidrive.control.pid.tuners import FuzzyTuner
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation import LatestFix, State
@@ -586,8 +586,8 @@ class TestTrackingLaw:
             origin,
             BodyTwist(command, 0.0, 0.0),
             BodyTwist(before, 0.0, 0.0),
-            (lag, 0.0),
-            (inf, inf),
+            Pair(lag, 0.0),
+            Pair(inf, inf),
             DT,
         )
         assert missing == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
@@ -600,7 +600,9 @@ class TestTrackingLaw:
         command = twist_between(start, end, DT)
         at_end = to_body(WorldTwist(speed, 0.0, turn / DT), turn)
         before = BodyTwist(speed, 0.0, turn / DT)
-        _, response = missing_motion(end, start, command, before, (1e9, 1e9), (inf, inf), DT)
+        _, response = missing_motion(
+            end, start, command, before, Pair(1e9, 1e9), Pair(inf, inf), DT
+        )
         assert response == pytest.approx(at_end, abs=1e-6)
 
     def test_motion_that_needs_slip_is_not_missing(self):
@@ -608,17 +610,24 @@ class TestTrackingLaw:
         origin, rest = Pose(0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
         command = BodyTwist(3.0, 4.0, 0.0)
         missing, response = missing_motion(
-            origin, origin, command, rest, (0.0, 0.0), (5.0, 9.0), DT
+            origin, origin, command, rest, Pair(0.0, 0.0), Pair(5.0, 9.0), DT
         )
         assert missing == (0.0, 0.0, 0.0)
         assert response == pytest.approx((0.3, 0.4, 0.0))
         near = BodyTwist(2.8, 3.7, 0.0)
-        missing, _ = missing_motion(origin, origin, command, near, (0.0, 0.0), (5.0, 9.0), DT)
+        missing, _ = missing_motion(
+            origin, origin, command, near, Pair(0.0, 0.0), Pair(5.0, 9.0), DT
+        )
         assert missing == pytest.approx(command)
 
     def test_lead_of_a_jump_is_that_of_the_greatest_acceleration(self):
         led = lead(
-            WorldTwist(0.0, 0.0, 0.0), (0.0,) * 3, (3.0, 4.0, -9.0), (0.2, 0.1), (2.0, 1.0), DT
+            WorldTwist(0.0, 0.0, 0.0),
+            (0.0,) * 3,
+            (3.0, 4.0, -9.0),
+            Pair(0.2, 0.1),
+            Pair(2.0, 1.0),
+            DT,
         )
         assert led == pytest.approx((0.2 * 2.0 * 0.6, 0.2 * 2.0 * 0.8, -0.1))
 
@@ -760,7 +769,7 @@ def test_command_that_no_robot_executes_predicts_rest():
     pose, impossible = Pose(0.0, 0.0, 0.0), BodyTwist(1e7, 0.0, 0.0)
     rest = BodyTwist(0.0, 0.0, 0.0)
     for command, response in ((impossible, rest), (rest, impossible)):
-        found = missing_motion(pose, pose, command, response, (0.0, 0.0), (inf, inf), DT)
+        found = missing_motion(pose, pose, command, response, Pair(0.0, 0.0), Pair(inf, inf), DT)
         assert found == ((0.0, 0.0, 0.0), rest)
 
 

@@ -32,15 +32,17 @@ class KinematicModel(NamedTuple):
     """Wheel speed per commanded body twist; rad/m, rad/m, rad/rad."""
     inverse: Float[Array, "3 wheels"]
     """Body twist per wheel speed: the pseudo-inverse of the wheel matrix; m/rad, m/rad, rad/rad."""
-    limits: Float[Array, " 1"]
-    """Largest wheel speed, rad/s."""
+    max_wheel_speed: float
+    """In rad/s."""
 
 
 class KinematicState(NamedTuple):
     """Everything that the plant keeps from one command to the next."""
 
-    motion: Float[Array, " 6"]
-    """Pose of B in W and body twist; m, m, rad, m/s, m/s, rad/s."""
+    pose: Float[Array, " 3"]
+    """Pose of B in W; m, m, rad."""
+    twist: Float[Array, " 3"]
+    """Body twist; m/s, m/s, rad/s."""
     speeds: Float[Array, " wheels"]
     """Speed of each wheel, rad/s."""
 
@@ -49,8 +51,9 @@ class KinematicState(NamedTuple):
 def roll(  # noqa: PLR0917
     drive: Float[Array, "wheels 3"],
     inverse: Float[Array, "3 wheels"],
-    limits: Float[Array, " 1"],
-    motion: Float[Array, " 6"],
+    max_wheel_speed: float,
+    pose: Float[Array, " 3"],
+    twist: Float[Array, " 3"],
     speeds: Float[Array, " wheels"],
     dt: float,
 ) -> None:
@@ -59,8 +62,9 @@ def roll(  # noqa: PLR0917
     Args:
         drive: This and the following: fields of :class:`KinematicModel`.
         inverse: See there.
-        limits: See there.
-        motion: This and the following: fields of :class:`KinematicState`.
+        max_wheel_speed: See there.
+        pose: This and the following: fields of :class:`KinematicState`.
+        twist: See there.
         speeds: See there.
         dt: Duration, s.
     """
@@ -69,17 +73,18 @@ def roll(  # noqa: PLR0917
         vx += inverse[0, i] * speeds[i]
         vy += inverse[1, i] * speeds[i]
         yaw_rate += inverse[2, i] * speeds[i]
-    pose = move(Pose(motion[0], motion[1], motion[2]), BodyTwist(vx, vy, yaw_rate), dt)
-    motion[0], motion[1], motion[2] = pose.x, pose.y, pose.yaw
-    motion[3], motion[4], motion[5] = vx, vy, yaw_rate
+    moved = move(Pose(pose[0], pose[1], pose[2]), BodyTwist(vx, vy, yaw_rate), dt)
+    pose[0], pose[1], pose[2] = moved.x, moved.y, moved.yaw
+    twist[0], twist[1], twist[2] = vx, vy, yaw_rate
 
 
 @inlined
 def follow(  # noqa: PLR0917
     drive: Float[Array, "wheels 3"],
     inverse: Float[Array, "3 wheels"],
-    limits: Float[Array, " 1"],
-    motion: Float[Array, " 6"],
+    max_wheel_speed: float,
+    pose: Float[Array, " 3"],
+    twist: Float[Array, " 3"],
     speeds: Float[Array, " wheels"],
     vx: float,
     vy: float,
@@ -93,8 +98,9 @@ def follow(  # noqa: PLR0917
     Args:
         drive: This and the following: see :func:`roll`.
         inverse: See there.
-        limits: See there.
-        motion: See there.
+        max_wheel_speed: See there.
+        pose: See there.
+        twist: See there.
         speeds: See there.
         vx: Commanded velocity along x of B, m/s.
         vy: Commanded velocity along y of B, m/s.
@@ -105,11 +111,11 @@ def follow(  # noqa: PLR0917
     for i in range(len(speeds)):
         speeds[i] = drive[i, 0] * vx + drive[i, 1] * vy + drive[i, 2] * yaw_rate
         peak = max(peak, abs(speeds[i]))
-    scaled: bool = peak > limits[0]
+    scaled: bool = peak > max_wheel_speed
     if scaled:
         for i in range(len(speeds)):
-            speeds[i] *= limits[0] / peak
-    roll(drive, inverse, limits, motion, speeds, dt)
+            speeds[i] *= max_wheel_speed / peak
+    roll(drive, inverse, max_wheel_speed, pose, twist, speeds, dt)
     return scaled
 
 
@@ -138,9 +144,9 @@ class KinematicPlant:
         self._model = KinematicModel(
             np.array(robot.drive.jacobian, dtype=float, order="C"),
             np.ascontiguousarray(np.linalg.pinv(robot.chassis.jacobian)),
-            np.array([robot.drive.max_wheel_speed]),
+            float(robot.drive.max_wheel_speed),
         )
-        self._state = KinematicState(np.zeros(6), np.zeros(len(robot.mounts)))
+        self._state = KinematicState(np.zeros(3), np.zeros(3), np.zeros(len(robot.mounts)))
         self._follow = entry_point(follow, *self._model, *self._state, 0.0, 0.0, 0.0, 0.1)
 
     @property
@@ -151,7 +157,7 @@ class KinematicPlant:
     def reset(self, pose: Pose) -> PlantState:
         """Start at rest at ``pose``."""
         self._state = KinematicState(
-            np.array([*pose, 0.0, 0.0, 0.0]), np.zeros(len(self._state.speeds))
+            np.array(pose, dtype=float), np.zeros(3), np.zeros(len(self._state.speeds))
         )
         return self._measure(scaled=False)
 
@@ -181,16 +187,15 @@ class KinematicPlant:
                 "a plant without forces accepts no disturbance but a pose offset; use a plant with "
                 "forces"
             )
-        self._state.motion[:3] += offset
+        self._state.pose[:] += offset
 
     def close(self) -> None:
         """Do nothing: the plant holds no resources."""
 
     def _measure(self, *, scaled: bool) -> PlantState:
-        x, y, yaw, vx, vy, yaw_rate = self._state.motion.tolist()
         return PlantState(
-            Pose(x, y, yaw),
-            BodyTwist(vx, vy, yaw_rate),
+            Pose(*self._state.pose.tolist()),
+            BodyTwist(*self._state.twist.tolist()),
             nan,
             wheel_speeds=tuple(self._state.speeds.tolist()),
             saturated=Saturation.WHEEL_SPEED if scaled else 0,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import cos, expm1, sin
+from typing import NamedTuple
 
 from omnidrive.compiled import compilable
 from omnidrive.control.pid.laws import FASTEST, saturate
@@ -10,7 +11,13 @@ from omnidrive.geometry import BodyTwist, Pose, WorldTwist
 from omnidrive.geometry.kernels import to_world, twist_between, wrap
 
 Vector = tuple[float, float, float]
-Pair = tuple[float, float]  # for translation and for rotation
+
+
+class Pair(NamedTuple):
+    """A number for translation and one for rotation."""
+
+    translation: float
+    rotation: float
 
 
 @compilable
@@ -88,12 +95,12 @@ def lead(  # noqa: PLR0917
         maximum: Greatest accelerations that are led, m/s^2 and rad/s^2: a jump is not.
         dt: Sample time, s.
     """
-    along = saturate(complex(end[0] - begin[0], end[1] - begin[1]), maximum[0] * dt)
-    turn = saturate(end[2] - begin[2], maximum[1] * dt)
+    along = saturate(complex(end[0] - begin[0], end[1] - begin[1]), maximum.translation * dt)
+    turn = saturate(end[2] - begin[2], maximum.rotation * dt)
     return WorldTwist(
-        motion.vx + lags[0] / dt * along.real,
-        motion.vy + lags[0] / dt * along.imag,
-        motion.yaw_rate + lags[1] / dt * turn,
+        motion.vx + lags.translation / dt * along.real,
+        motion.vy + lags.translation / dt * along.imag,
+        motion.yaw_rate + lags.rotation / dt * turn,
     )
 
 
@@ -142,12 +149,12 @@ def missing_motion(  # noqa: PLR0917
         return (0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
     turn = wrap(pose.yaw - previous.yaw)
     x, y, _ = _in_body(0.5 * turn, response.vx, response.vy, 0.0)
-    mean_x, end_x = _lagged(lags[0], command.vx, x, dt)
-    mean_y, end_y = _lagged(lags[0], command.vy, y, dt)
-    mean_turn, end_turn = _lagged(lags[1], command.yaw_rate, response.yaw_rate, dt)
+    mean_x, end_x = _lagged(lags.translation, command.vx, x, dt)
+    mean_y, end_y = _lagged(lags.translation, command.vy, y, dt)
+    mean_turn, end_turn = _lagged(lags.rotation, command.yaw_rate, response.yaw_rate, dt)
     change = complex(end_x - x, end_y - y)
-    reached = saturate(change, maximum[0] * dt)
-    turned = saturate(end_turn - response.yaw_rate, maximum[1] * dt)
+    reached = saturate(change, maximum.translation * dt)
+    turned = saturate(end_turn - response.yaw_rate, maximum.rotation * dt)
     x, y, _ = _in_body(0.5 * turn, x + reached.real, y + reached.imag, 0.0)
     predicted = BodyTwist(x, y, response.yaw_rate + turned)
     if reached != change or turned != end_turn - response.yaw_rate:
@@ -158,13 +165,13 @@ def missing_motion(  # noqa: PLR0917
 
 
 @compilable
-def saturated(x: float, y: float, turn: float, limits: tuple[float, float]) -> BodyTwist:
+def saturated(x: float, y: float, turn: float, limits: Pair) -> BodyTwist:
     """Return corrections within the limits of speed (m/s) and yaw rate (rad/s).
 
     Those of x and y are saturated together, which keeps their direction.
     """
-    velocity = saturate(complex(x, y), limits[0])
-    return BodyTwist(velocity.real, velocity.imag, saturate(turn, limits[1]))
+    velocity = saturate(complex(x, y), limits.translation)
+    return BodyTwist(velocity.real, velocity.imag, saturate(turn, limits.rotation))
 
 
 @compilable

@@ -25,6 +25,7 @@ from omnidrive.control.pid.channel import (
 )
 from omnidrive.control.pid.channel_controller import ChannelController
 from omnidrive.control.pid.tracking import (
+    Pair,
     lead,
     mean_velocity,
     missing_motion,
@@ -79,7 +80,8 @@ def tracking_pid_law(  # noqa: PLR0917
     begin, end = (first[3], first[4], first[5]), (last[3], last[4], last[5])
     motion = mean_velocity(begin, (middle[3], middle[4], middle[5]), end)
     position, heading = d.x.parameters, d.heading.parameters
-    lags, maximum = (position.lag, heading.lag), (position.acceleration, heading.acceleration)
+    lags = Pair(position.lag, heading.lag)
+    maximum = Pair(position.acceleration, heading.acceleration)
     rate, missing, response = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), BodyTwist(0.0, 0.0, 0.0)
     if m.started:
         previous = Pose(m.pose.x, m.pose.y, m.pose.yaw)
@@ -95,7 +97,7 @@ def tracking_pid_law(  # noqa: PLR0917
     x, tuned_x = tracking_channel(d.x, m.x, error[0], rate[0], missing[0], distance)
     y, tuned_y = tracking_channel(d.y, m.y, error[1], rate[1], missing[1], distance)
     yaw_rate, tuned = tracking_channel(d.heading, m.heading, error[2], rate[2], missing[2], turn)
-    correction = saturated(x, y, yaw_rate, (position.limit, heading.limit))
+    correction = saturated(x, y, yaw_rate, Pair(position.limit, heading.limit))
     twist = twist_of(pose, lead(motion, begin, end, lags, maximum, dt), correction, dt)
     m.started, m.t = 1, t
     m.pose.x, m.pose.y, m.pose.yaw = pose

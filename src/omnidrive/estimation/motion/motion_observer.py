@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import ceil, cos, inf, sin, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -53,6 +53,15 @@ _ROUNDING = 1e-9
 """Share of a sample time that is taken for rounding."""
 
 
+class SlipShares(NamedTuple):
+    """Mean share of wheels at the friction limit, 0 to 1."""
+
+    disturbed: float
+    """With the estimated disturbance."""
+    undisturbed: float
+    """Without it."""
+
+
 @compiled
 def whole_periods(delay: float, period: float) -> int:
     """Return the number of whole sample times in a delay."""
@@ -60,31 +69,25 @@ def whole_periods(delay: float, period: float) -> int:
 
 
 @compiled
-def predict(
-    model: DriveModel, memory: MotionMemory, dt: float, period: float
-) -> tuple[float, float]:
+def predict(model: DriveModel, memory: MotionMemory, dt: float, period: float) -> SlipShares:
     """Predict the motion over ``dt`` (s), the time since the latest command.
 
     The sample time is ``period`` (s).
-
-    Returns:
-        Mean share of wheels at the friction limit, 0 to 1, with the disturbance and without.
     """
-    delay, share, undisturbed = memory.state[0].drive.delay, 0.0, 0.0
+    delay, shares = memory.state[0].drive.delay, SlipShares(0.0, 0.0)
     latest = whole_periods(delay, period)
     older = min(delay - latest * period, dt)
     if older > _ROUNDING * period:
-        share, undisturbed = _predict_one(model, memory, latest + 1, older)
+        shares = _predict_one(model, memory, latest + 1, older)
     if dt > older:
-        newer, other = _predict_one(model, memory, latest, dt - older)
-        share, undisturbed = max(share, newer), max(undisturbed, other)
-    return share, undisturbed
+        newer = _predict_one(model, memory, latest, dt - older)
+        disturbed = max(shares.disturbed, newer.disturbed)
+        shares = SlipShares(disturbed, max(shares.undisturbed, newer.undisturbed))
+    return shares
 
 
 @compiled
-def _predict_one(
-    model: DriveModel, memory: MotionMemory, command: int, dt: float
-) -> tuple[float, float]:
+def _predict_one(model: DriveModel, memory: MotionMemory, command: int, dt: float) -> SlipShares:
     """Predict state and covariance over ``dt`` (s) with one command, as :func:`predict`."""
     state, share, undisturbed = memory.state[0], 0.0, 0.0
     steps, h = _motor_steps(state.drive, dt)
@@ -92,9 +95,9 @@ def _predict_one(
         mean, motors = _motor_response(memory, command, _vector(state.motors), h)
         for a in range(3):
             state.motors[a] = motors[a]
-        held, other = _predict_held(model, state, mean, h)
-        share, undisturbed = share + held / steps, undisturbed + other / steps
-    return share, undisturbed
+        held = _predict_held(model, state, mean, h)
+        share, undisturbed = share + held.disturbed / steps, undisturbed + held.undisturbed / steps
+    return SlipShares(share, undisturbed)
 
 
 @compiled
@@ -120,7 +123,7 @@ def _motor_response(
 
 
 @compiled
-def _predict_held(model: DriveModel, state: Any, motors: Vector, dt: float) -> tuple[float, float]:
+def _predict_held(model: DriveModel, state: Any, motors: Vector, dt: float) -> SlipShares:
     """Predict state and covariance over ``dt`` (s) with a constant twist of the motors."""
     initial, commanded = _vector(state.twist), _disturbed(model, state, motors)
     mean, final, derivatives = respond(model, initial, commanded, dt)
@@ -157,9 +160,9 @@ def _predict_held(model: DriveModel, state: Any, motors: Vector, dt: float) -> t
     for a in range(3):
         state.twist[a] = final[a]
     if derivatives.saturation <= STEADY_SATURATION:
-        return derivatives.saturation, derivatives.saturation
+        return SlipShares(derivatives.saturation, derivatives.saturation)
     _, _, undisturbed = respond(model, initial, motors, dt)
-    return derivatives.saturation, undisturbed.saturation
+    return SlipShares(derivatives.saturation, undisturbed.saturation)
 
 
 @compiled
@@ -169,7 +172,7 @@ def correct(  # noqa: PLR0917
     pose: Vector,
     variances: Vector,
     dt: float,
-    shares: tuple[float, float],
+    shares: SlipShares,
     steady: bool,
 ) -> None:
     """Correct the prediction by a measured pose: a Kalman filter for every axis of B.
@@ -208,7 +211,7 @@ def correct(  # noqa: PLR0917
             continue
         to_zero = p[2, 0] * innovation[a] * state.disturbance[a] < 0.0
         wrong = state.slip_time > _MAX_SLIP_TIME and to_zero
-        constant = steady and (shares[0] <= STEADY_SATURATION or wrong)
+        constant = steady and (shares.disturbed <= STEADY_SATURATION or wrong)
         gains = (p[0, 0] / total, p[1, 0] / total, p[2, 0] / total if constant else 0.0)
         change[a] = gains[0] * innovation[a]
         state.noise.residual[a] = innovation[a] - change[a]
@@ -236,15 +239,15 @@ def _is_moved(
 
 
 @compiled
-def _count_slips(state: Any, shares: tuple[float, float], dt: float) -> None:
+def _count_slips(state: Any, shares: SlipShares, dt: float) -> None:
     """Count the time for which wheels slip, half where they would slip without the disturbance.
 
     A time of 0 sets it to zero.
     """
-    if shares[0] <= STEADY_SATURATION or dt == 0.0:
+    if shares.disturbed <= STEADY_SATURATION or dt == 0.0:
         state.slip_time = 0.0
     else:
-        state.slip_time += dt if shares[1] <= STEADY_SATURATION else 0.5 * dt
+        state.slip_time += dt if shares.undisturbed <= STEADY_SATURATION else 0.5 * dt
 
 
 @compiled

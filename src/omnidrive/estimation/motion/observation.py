@@ -72,7 +72,7 @@ def observe(
         correct_twist(robot.model, state, now.twist, dt)
     event = CONTINUE if steady else APPROACH
     _identify(robot.identify, event, robot, memory, now, elapsed, dt)
-    steady = steady and shares[0] <= STEADY_SATURATION
+    steady = steady and shares.disturbed <= STEADY_SATURATION
     state.lead = state.drive.lag if steady else 0.0
     state.yaw_lead = state.drive.yaw_lag if steady else 0.0
 

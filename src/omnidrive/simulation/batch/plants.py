@@ -98,9 +98,9 @@ class _PlanarData(NamedTuple):
 def _start_kinematic(
     initial: KinematicState, state: KinematicState, pose: _Vector, motion: Any
 ) -> None:
-    state.motion[:], state.speeds[:] = initial.motion, initial.speeds
+    state.twist[:], state.speeds[:] = initial.twist, initial.speeds
     for i in range(3):
-        state.motion[i] = pose[i]
+        state.pose[i] = pose[i]
     _measure_kinematic(state, motion)
     motion.saturated = 0.0
 
@@ -110,7 +110,7 @@ def _step_kinematic(
     model: KinematicModel, state: KinematicState, command: _Vector, dt: float, motion: Any
 ) -> None:
     scaled = follow(
-        model.drive, model.inverse, model.limits, state.motion, state.speeds,
+        model.drive, model.inverse, model.max_wheel_speed, state.pose, state.twist, state.speeds,
         command[0], command[1], command[2], dt,
     )  # fmt: skip
     _measure_kinematic(state, motion)
@@ -120,7 +120,7 @@ def _step_kinematic(
 @compiled
 def _measure_kinematic(state: KinematicState, motion: Any) -> None:
     for i in range(3):
-        motion.pose[i], motion.twist[i] = state.motion[i], state.motion[3 + i]
+        motion.pose[i], motion.twist[i] = state.pose[i], state.twist[i]
     motion.work = nan
 
 

@@ -217,7 +217,10 @@ class HolonomicController(GuardedController):
         if not self._memory.last["plan_steps"][0] or self._solution is not None:
             return self._solution
         velocities, states, multipliers, figures = (each.copy() for each in self._memory.plan)
-        cost, residual, violation, iterations, code = figures[0].tolist()
+        cost, residual, violation = (
+            float(figures[name][0]) for name in ("cost", "residual", "violation")
+        )
+        iterations, code = int(figures["iterations"][0]), int(figures["exit"][0])
         return HolonomicSolution(
             velocities, states, multipliers, cost, residual, violation, iterations, EXITS[code]
         )
@@ -375,7 +378,7 @@ class HolonomicController(GuardedController):
         if solution is not None and solved:
             self._solution, plan = solution, memory.plan
             plan.velocities[:], plan.states[:] = solution.velocities, solution.states
-            code = CONVERGED if solution.exit is Exit.CONVERGED else CAPPED
-            figures = solution.cost, solution.residual, solution.violation, solution.iterations
-            plan.figures[0] = (*figures, code)
+            for name in ("cost", "residual", "violation", "iterations"):
+                plan.figures[name] = getattr(solution, name)
+            plan.figures["exit"] = CONVERGED if solution.exit is Exit.CONVERGED else CAPPED
         return finish(data, memory, solved, now.delay, *self._outputs)
