@@ -61,6 +61,13 @@ class PipelineStep(NamedTuple):
     """The part that failed; the first line of ``command.message`` is the reason."""
 
 
+class _Retimed(NamedTuple):
+    """A reference and the motion that the controller tracks instead."""
+
+    reference: Reference
+    retiming: Retiming
+
+
 @dataclass(slots=True)
 class Pipeline:
     """Estimator, supervisor and controller in series: one call per sample.
@@ -95,7 +102,7 @@ class Pipeline:
     """State for the controller."""
     _computed: tuple[float, Command] | None = field(default=None, init=False, repr=False)
     """Time (s) and value of the last command of the controller."""
-    _retiming: tuple[Reference, Retiming] | None = field(default=None, init=False, repr=False)
+    _retiming: _Retimed | None = field(default=None, init=False, repr=False)
     """The latest reference, and what is tracked instead."""
     _stalled: str = field(default="", init=False, repr=False)
     """Description of the step that took too long; empty: none."""
@@ -135,7 +142,7 @@ class Pipeline:
 
     def retime(self, reference: Reference) -> Retiming:
         """Return the motion that the controller tracks instead of ``reference``."""
-        if self._retiming is None or self._retiming[0] is not reference:
+        if self._retiming is None or self._retiming.reference is not reference:
             retiming = Retiming(reference)
             if isinstance(self.controller, RetimingController):
                 retiming = self.controller.retime(reference)
@@ -145,8 +152,8 @@ class Pipeline:
                     and isinstance(retiming.notice, str)
                 ):
                     raise TypeError(f"retime must return a Retiming, not {kind_of(retiming)}")
-            self._retiming = reference, retiming
-        return self._retiming[1]
+            self._retiming = _Retimed(reference, retiming)
+        return self._retiming.retiming
 
     def observe(self, t: float, readings: SensorReadings, reference: Reference) -> PipelineStep:
         """Estimate and check the state at ``t`` (s) without a command, as at the end of a run.

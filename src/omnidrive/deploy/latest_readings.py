@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from math import inf, nan
+from typing import NamedTuple
 
 from omnidrive.estimation import PoseFix, SensorReadings
 
@@ -19,6 +20,15 @@ _BASE = 0.01
 encoder resolves no speed between two readings."""
 
 
+class _WheelAngles(NamedTuple):
+    """Wheel angles at a time."""
+
+    stamp: float
+    """In s."""
+    angles: tuple[float, ...]
+    """In rad."""
+
+
 class LatestReadings:
     """Latest readings of a robot.
 
@@ -29,8 +39,8 @@ class LatestReadings:
     def __init__(self) -> None:
         self.arrived = nan
         self._readings = SensorReadings(nan)
-        self._before: deque[tuple[float, tuple[float, ...]]] = deque()
-        """Times, s, and wheel angles, rad, of readings before, the first of which is the last that
+        self._before: deque[_WheelAngles] = deque()
+        """Wheel angles of readings before, the first of which is the last that
         is older by at least ``_BASE``, if there is one."""
         self._read_at = nan
         """Time at which the readings were read, s on the clock."""
@@ -70,9 +80,9 @@ class LatestReadings:
             readings = self._readings
         else:
             if readings.stamp > self._readings.stamp:
-                self._before.append((self._readings.stamp, self._readings.wheel_angles))
+                self._before.append(_WheelAngles(self._readings.stamp, self._readings.wheel_angles))
                 latest = readings.stamp + _INSTANT - _BASE
-                while len(self._before) > 1 and self._before[1][0] <= latest:
+                while len(self._before) > 1 and self._before[1].stamp <= latest:
                     self._before.popleft()
             self.arrived, self._read_at = now, read_at
         fixes = tuple(fix for fix in fixes if fix not in self._later)
@@ -121,7 +131,7 @@ class LatestReadings:
         late = now - stamp
         if not self._before or abs(late) <= _INSTANT:
             return angles
-        period = stamp - self._before[-1][0]
+        period = stamp - self._before[-1].stamp
         since, before = self._before[0 if late > 0.0 else -1]
         step = stamp - since
         earliest = -step if stamp <= self._read_at else 0.0  # a clock that is ahead tells nothing

@@ -14,7 +14,7 @@ from omnidrive.deploy.ros2.drive_settings import DriveSettings, read_parameters
 from omnidrive.deploy.ros2.path_follower import DriveRequests, PathFollower
 from omnidrive.deploy.ros2.pose_source import PoseSource
 from omnidrive.deploy.ros2.ros2_link import Ros2Link, Ros2LinkSettings
-from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation, odometry_at
+from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation, StampedPose, odometry_at
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid, paper_map
@@ -165,7 +165,7 @@ def test_in_the_frame_of_odometry_nothing_localises():
 
 
 def test_odometry_is_interpolated():
-    odometry = [(1.0, Pose(0.0, 0.0, 0.0)), (1.1, Pose(0.1, 0.0, 0.2)), (1.2, Pose(0.2, 0.0, 0.4))]
+    odometry = [StampedPose(1.0 + t, Pose(t, 0.0, 2.0 * t)) for t in (0.0, 0.1, 0.2)]
     assert odometry_at(odometry, 1.05).yaw == pytest.approx(0.1)
     assert odometry_at(odometry, 1.1) == pytest.approx((0.1, 0.0, 0.2))
     assert odometry_at(odometry, 1.3) == pytest.approx((0.2, 0.0, 0.4))

@@ -271,21 +271,37 @@ def _simulate(
     plant.close()
 
 
+class _DueCommand(NamedTuple):
+    """A command and the time at which it acts."""
+
+    at: float
+    """In s."""
+    value: CommandValue
+
+
+class _DueReadings(NamedTuple):
+    """Readings and the time at which they arrive."""
+
+    at: float
+    """In s."""
+    readings: SensorReadings
+
+
 class _CommandedPlant:
     """A plant that moves as commanded, each command from the time on at which it is due."""
 
     def __init__(self, plant: Plant, state: PlantState, begin: float) -> None:
         """Begin at rest, at a time (s)."""
         self.state = state
-        self.received: deque[tuple[float, CommandValue]] = deque()
-        """Times (s) at which commands act, and these, in the order of arrival."""
+        self.received: deque[_DueCommand] = deque()
+        """Commands in the order of arrival."""
         self._plant = plant
         self._command: CommandValue = STOP
         self._simulated = self._heard = begin
 
     def move(self, until: float) -> None:
         """Let the commands act that are due up to a time (s), and simulate up to the last."""
-        while self.received and self.received[0][0] <= until:
+        while self.received and self.received[0].at <= until:
             at, value = self.received.popleft()
             self.simulate(at)
             self._command, self._heard = value, at
@@ -319,15 +335,16 @@ def _serve(
 
     begin = time.monotonic()
     robot = _CommandedPlant(plant, state, begin)
-    sent: deque[tuple[float, SensorReadings]] = deque()
+    sent: deque[_DueReadings] = deque()
     number = skipped = 0
     while True:
         due = begin + number * settings.period
-        wait = min([due, *(at for at, _ in (*robot.received, *sent))]) - time.monotonic()
+        waited = (due, *(each.at for each in robot.received), *(each.at for each in sent))
+        wait = min(waited) - time.monotonic()
         waiting = connection.poll(max(wait, 0.0))
         while waiting:
             at, value = connection.recv()
-            robot.received.append((at + delay(), value))
+            robot.received.append(_DueCommand(at + delay(), value))
             waiting = connection.poll()
         now = time.monotonic()
         if now >= due:
@@ -335,7 +352,8 @@ def _serve(
             robot.simulate(due)
             readings = sensors.read(due - begin, robot.state)
             fixes = tuple(fix._replace(stamp=fix.stamp + begin) for fix in readings.fixes)
-            sent.append((due + delay(), readings._replace(stamp=due, fixes=fixes)))
+            readings = readings._replace(stamp=due, fixes=fixes)
+            sent.append(_DueReadings(due + delay(), readings))
             behind = floor((time.monotonic() - due) / settings.period)
             number += 1 + behind
             skipped += behind
@@ -343,7 +361,7 @@ def _serve(
                 with suppress(OSError, AttributeError):
                     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         robot.move(now)
-        while sent and sent[0][0] <= now:
-            newest = sent.popleft()[1]
+        while sent and sent[0].at <= now:
+            newest = sent.popleft().readings
             if is_writable(connection):  # else the driving process is stopped
                 connection.send(newest)

@@ -11,7 +11,7 @@ from math import hypot, inf, isfinite, nan, sqrt
 from typing import Any
 
 from omnidrive.deploy.drive_state import EVENT
-from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation
+from omnidrive.deploy.ros2.scan_localisation import ScanLocalisation, StampedPose
 from omnidrive.errors import one_line
 from omnidrive.estimation import PoseFix
 from omnidrive.geometry import Pose, compose, inverse, wrap
@@ -72,7 +72,7 @@ class PoseSource:
     tree: TransformTree = field(default_factory=TransformTree)
     _last: float = -inf
     """Stamp of the last pose, s."""
-    _odometry: deque[tuple[float, Pose]] = field(default_factory=lambda: deque(maxlen=_HISTORY))
+    _odometry: deque[StampedPose] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     _paused_until: float = -inf
     """Monotonic time until which poses are refused after a jump, s."""
     _world_by_tf: float = -inf
@@ -245,8 +245,8 @@ class PoseSource:
             self._refuse(f"{self.localisation_topic} is not finite")
         elif self._odometry and time.monotonic() - self._world_by_tf > MAX_WORLD_AGE:
             stamp = seconds(message.header.stamp)
-            then = min(self._odometry, key=lambda each: abs(each[0] - stamp))
-            self._set(self.frames.odom, parent, compose(pose, inverse(then[1])), inf)
+            then = min(self._odometry, key=lambda each: abs(each.stamp - stamp))
+            self._set(self.frames.odom, parent, compose(pose, inverse(then.pose)), inf)
             self._localised = True
             self._sigmas = (
                 (sqrt(position), sqrt(yaw))
@@ -275,7 +275,7 @@ class PoseSource:
                 self._paused_until = time.monotonic() + JUMP_PAUSE
                 self._refuse(f"odometry jumps by {distance:.3g} m and {angle:.3g} rad")
         if parent == self.frames.odom:
-            self._odometry.append((stamp, pose))
+            self._odometry.append(StampedPose(stamp, pose))
         self._set(self.frames.base, parent, pose, stamp)
 
     def _set(

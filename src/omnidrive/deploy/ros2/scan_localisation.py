@@ -23,6 +23,14 @@ _FAR = 0.2  # s; longest time from a scan to the odometry before and after it
 _LARGEST = 1e6  # m
 
 
+class StampedPose(NamedTuple):
+    """A pose at a time."""
+
+    stamp: float
+    """In s."""
+    pose: Pose
+
+
 class Correction(NamedTuple):
     """Pose of the odometry frame in the world frame, by one scan."""
 
@@ -70,13 +78,11 @@ class ScanLocalisation:
         self._maps = subscribe(self.map_topic, "nav_msgs/msg/OccupancyGrid", LATCHED_QOS)
         self._initials = subscribe("/initialpose", posed)
 
-    def correct(
-        self, odometry: Sequence[tuple[float, Pose]], tree: TransformTree
-    ) -> Correction | None:
+    def correct(self, odometry: Sequence[StampedPose], tree: TransformTree) -> Correction | None:
         """Return the correction by the newest scan; None: no scan is new, or it does not fit.
 
         Args:
-            odometry: Times, s, and poses of the robot in the odometry frame, oldest first.
+            odometry: Poses of the robot in the odometry frame, oldest first.
             tree: Transforms, with the mounting of the scanner.
         """
         self._take_map()
@@ -113,7 +119,7 @@ class ScanLocalisation:
         self,
         scan: Any,
         stamp: float,
-        odometry: Sequence[tuple[float, Pose]],
+        odometry: Sequence[StampedPose],
         tree: TransformTree,
     ) -> tuple[Pose, ScanMatch] | None:
         """Return the odometry at a scan and the match; None: there is none, :attr:`fault` is why.
@@ -181,20 +187,22 @@ class ScanLocalisation:
             )
 
 
-def odometry_at(odometry: Sequence[tuple[float, Pose]], stamp: float) -> Pose | None:
+def odometry_at(odometry: Sequence[StampedPose], stamp: float) -> Pose | None:
     """Return the pose at a time, s, between those of odometry; None: none is within 0.2 s."""
-    before: tuple[float, Pose] | None = None
-    after: tuple[float, Pose] | None = None
+    before: StampedPose | None = None
+    after: StampedPose | None = None
     for each in reversed(odometry):
-        if each[0] <= stamp:
+        if each.stamp <= stamp:
             before = each
             break
         after = each
-    ages = [abs(each[0] - stamp) if each is not None else inf for each in (before, after)]
-    if min(ages) > _FAR:
+    before_age, after_age = (
+        abs(each.stamp - stamp) if each is not None else inf for each in (before, after)
+    )
+    if min(before_age, after_age) > _FAR:
         return None
-    if before is None or after is None or max(ages) > _FAR:
-        near = before if ages[0] <= ages[1] else after
-        return near[1] if near is not None else None
-    share = (stamp - before[0]) / (after[0] - before[0])
-    return move(before[1], twist_between(before[1], after[1], 1.0), share)
+    if before is None or after is None or max(before_age, after_age) > _FAR:
+        near = before if before_age <= after_age else after
+        return near.pose if near is not None else None
+    share = (stamp - before.stamp) / (after.stamp - before.stamp)
+    return move(before.pose, twist_between(before.pose, after.pose, 1.0), share)

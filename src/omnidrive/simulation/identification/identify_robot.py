@@ -186,8 +186,8 @@ class _Data:
             first, second, third = (missing(name, "s", reason) for name in names)
             return first, second, third
         found = self._fit_response(rows)
-        self.scales = (float(found.values[0]), float(found.values[1]))
-        self.coupling = float(found.values[5])
+        straight, turn, *_, self.coupling = found.values.tolist()
+        self.scales = straight, turn
         slow = "the commands change too little for their noise and sample time"
         estimates = [
             checked_time(Estimate(name, "s", float(value), float(sigma)), slow)
@@ -307,8 +307,8 @@ class _Data:
         start = min(starts, key=lambda each: float((residuals(each) ** 2).sum()))
         bounds = (np.array([1e-3, -0.05]), np.array([5.0, 0.05]))
         found = fit(residuals, start, bounds, np.array([0.1, 0.01]), segments)
-        value = float(found.values[0])
-        without = float((errors(None, float(found.values[1])) ** 2).sum())
+        value, extra = found.values.tolist()
+        without = float((errors(None, extra) ** 2).sum())
         if float((found.residuals**2).sum()) > (1.0 - _SLIP_EXPLAINS) * without:
             return missing("friction", "1", slack)
         sigma = hypot(float(found.sigmas[0]), _FRICTION_MODEL * value)

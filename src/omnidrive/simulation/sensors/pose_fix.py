@@ -72,7 +72,7 @@ class PoseFixes:
                 self._in_transit.append((stamp + settings.latency + settings.jitter * delay, fix))
         self._previous = t, pose
         arrived = [fix for due, fix in sorted(self._in_transit) if due <= t + TIME_TOLERANCE]
-        self._in_transit = [item for item in self._in_transit if item[0] > t + TIME_TOLERANCE]
+        self._in_transit = [(due, fix) for due, fix in self._in_transit if due > t + TIME_TOLERANCE]
         return tuple(arrived)
 
     def _measure(self, stamp: float, pose: Pose) -> PoseFix:
@@ -85,8 +85,9 @@ class PoseFixes:
             sigmas = (sigma, sigma)
         else:
             sigmas = (settings.position_sigma, settings.yaw_sigma)
-            scale = np.array([sigmas[0], sigmas[0], sigmas[1]])
-            offset = self._bias[0] + scale * self.rng.standard_normal(3)
+            position, yaw = sigmas
+            bias, _ = self._bias
+            offset = bias + np.array([position, position, yaw]) * self.rng.standard_normal(3)
             self._advance_bias(1.0 / settings.rate)
         measured = Pose(*(a + b for a, b in zip(pose, offset.tolist(), strict=True)))
         return PoseFix(stamp, measured, *sigmas)

@@ -74,8 +74,8 @@ class SensorSuite:
         faults = self._faults
         angles = self._encoders.read(state, faults.dead_encoders)
         yaw_rate = None
-        if self._gyro and self._previous and t > self._previous[0]:
-            time, yaw = self._previous
+        time, yaw = self._previous or (t, state.pose.yaw)
+        if self._gyro and t > time:
             yaw_rate = self._gyro.read(state.pose.yaw - yaw, t - time)
             if faults.gyro_silent:
                 yaw_rate = None
