@@ -63,7 +63,7 @@ def study(monkeypatch):
     run = Mock(task="track", log=Mock(events=[Event(1.0, "a push")]))
     made = Mock(
         spec=Study, logs=Mock(runs=[run]), facts=Mock(types={}), tables=[], timing={"plan": 1.0},
-        collisions={"track": 2}, overlaps=["step"],
+        collisions={"track": 2}, overlaps=["step"], definition=Mock(is_comparison=True),
     )  # fmt: skip
 
     def run_study(_scenario, folder, **_):

@@ -56,7 +56,7 @@ def test_folder_whose_name_is_not_utf_8(tmp_path, capsys, monkeypatch):
     assert json.loads((folder / "results.json").read_text())["step_response"]
     with open(folder / "series" / "step-feedforward.parquet", "rb") as file:
         assert pq.read_table(file).num_rows > 10
-    assert len(list((folder / "figures").iterdir())) == 2
+    assert len(list((folder / "figures").iterdir())) == 1
     conclude(f"results: {folder}")
     assert capsys.readouterr().out.endswith("run\\udcff\n")
 

@@ -104,7 +104,7 @@ def test_repetitions_are_added_until_the_interval_is_narrow(tmp_path):
     scenario = small_scenario(controllers=("feedforward",), tasks=tasks)
     definition = study(scenario=scenario_data(scenario), axes={})
     rule, first, second = StopRule.parse("me:8mm"), Seen(), Seen()
-    run(definition, tmp_path, until=rule, progress=first, max_repetitions=200)
+    run(definition, tmp_path, until=rule, progress=first)
     with Store(tmp_path, read_only=True) as store:
         table = store.records()
         assert store.fact("until") == "me:0.008"
@@ -113,7 +113,7 @@ def test_repetitions_are_added_until_the_interval_is_narrow(tmp_path):
     assert "reached" in first.notes[-1]
     assert rule.check(table).reached
     assert load_study(tmp_path)[1] == "me:0.008"
-    run(definition, tmp_path, until=rule, progress=second, max_repetitions=200)
+    run(definition, tmp_path, until=rule, progress=second)
     assert second.notes[-1] == first.notes[-1]
 
 

@@ -93,11 +93,9 @@ class Experiment:
         extend: Callable[[Store], int | None] = lambda _: None,
         scheduler: str | None = None,
     ) -> None:
-        """Compute and store the runs that are not stored.
+        """Compute and store the runs that are not stored; equal runs, with one key, once.
 
-        It can be interrupted at any time, and executed again: stored runs are not computed again.
-        Other processes may execute the same plan at the same time; they share the runs. Equal runs,
-        with one key, are computed once.
+        It can be interrupted at any time, and executed again, also by other processes meanwhile.
 
         Args:
             processes: Number of worker processes.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -15,7 +15,7 @@ from omnidrive.errors import InvalidInput, OmnidriveError, short_repr
 from omnidrive.evaluation.stop_rule import StopRule
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.parameter import Bounds, check_number
-from omnidrive.scenario.planned_scenario import plan_and_check
+from omnidrive.scenario.planned_scenario import PlannedScenario, plan_and_check
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.simulation.run_log import RUN_LOGGER
 from omnidrive.study.definition import StudyDefinition
@@ -25,9 +25,8 @@ from omnidrive.study.output_paths import check_study_folder
 from omnidrive.study.progress import NullProgress, ProgressListener, Stopwatch
 from omnidrive.study.results_data import save_results
 from omnidrive.study.run_plan import RunPlan, check_size
-from omnidrive.study.stored_study import report_study
 from omnidrive.study.study import Study
-from omnidrive.study.study_execution import MAX_SEQUENTIAL, StudyExecution
+from omnidrive.study.study_execution import StudyExecution
 
 
 @announce_compiling()
@@ -40,7 +39,6 @@ def run_study(
     observers: Sequence[visualization.Observer] = (),
     run_timeout: float | None = None,
     until: StopRule | None = None,
-    max_repetitions: int = MAX_SEQUENTIAL,
     scheduler: str | None = None,
     confirmed: bool = False,
     numbered: bool = False,
@@ -48,24 +46,18 @@ def run_study(
 ) -> Study:
     """Compute the runs of a study that its folder does not hold yet, and write the report.
 
-    A run is stored as soon as it is finished. If the study is interrupted, or its process is
-    killed, the same call continues it; the folder may hold fewer repetitions of the study. Other
-    processes may compute the same study at the same time; they share the runs. Results depend
-    neither on the processes nor on interruptions.
+    A run is stored as soon as it is finished: an interrupted study is continued by the same call,
+    and processes may share it. Neither affects the results.
 
     Args:
         study: The study; a scenario: the comparison of its controllers, which keeps all logs.
-        folder: New or empty folder for the results, or that of this study, also if it is finished.
-            None: nothing is written.
+        folder: New folder, or that of this study, also with fewer repetitions. None: no files.
         processes: Number of worker processes.
         progress: Receiver of progress notifications. None: no notifications.
         observers: Observers of every run; with observers, the runs are sequential.
-        run_timeout: Largest wall time of a run in a worker process, s; a run that takes longer is
-            ended, and the others go on. None: no limit.
-        until: Repetitions are added until this rule is satisfied. None: those of the definition.
-        max_repetitions: Largest number of repetitions with ``until``.
-        scheduler: Address of a Dask scheduler, whose workers compute the runs. None: processes of
-            this computer.
+        run_timeout: Wall time after which a run is ended, s. None: no limit.
+        until: Rule until which repetitions are added. None: those of the definition.
+        scheduler: Address of a Dask scheduler, whose workers compute. None: this computer does.
         confirmed: Whether the study may have more than ten million runs.
         numbered: Whether to append -2, -3, ... to the name of a folder that exists.
         figures: Formats of the figures: some of svg, pdf and png, or none.
@@ -79,71 +71,83 @@ def run_study(
         WorkerLost: Worker processes end while they start; results written before are kept.
         MissingExtra: The scheduler needs an extra that is not installed.
     """
-    definition = _definition(study)
-    path, is_kept = to_path(folder or "."), folder is not None
+    definition = _definition(study, confirmed=confirmed)
     _check_run_timeout(definition.scenario, observers, run_timeout)
-    check_size(RunPlan(definition), confirmed=confirmed)
     clock = Stopwatch(progress or NullProgress())
-    with ExitStack() as stack:
-        if not is_kept:
-            path = Path(stack.enter_context(TemporaryDirectory(prefix="omnidrive-")))
-        elif not numbered:
-            check_study_folder(path)
-        planned = None
-        if definition.is_comparison:
-            with clock.part("plan", 0):
-                planned = plan_and_check(definition.scenario)
-        execution = StudyExecution(
-            definition,
-            RunFolder(path, numbered=numbered),
-            planned,
-            observers=observers,
-            until=until,
-            max_repetitions=max_repetitions,
-        )
-        with (
-            clock.part("simulate", len(RunPlan(definition))),
-            _limits_in_the_verdict(definition),
-            _kept_results(execution, is_kept=is_kept),
-        ):
+    with _folder_for_results(folder, numbered=numbered) as path:
+        planned = _planned(definition, clock)
+        to = RunFolder(path, numbered=numbered)
+        execution = StudyExecution(definition, to, planned, observers=observers, until=until)
+        with _simulating(execution, clock, is_kept=folder is not None):
             execution.execute(
                 processes, clock.progress, run_timeout=run_timeout, scheduler=scheduler
             )
         found = execution.study()
         found.timing = clock.seconds
-        if not is_kept:
-            return found.without_folder()
-        with clock.part("report", 0):
-            report_study(found, done=clock.progress.done, figures=figures)
-        return found
+        return found.without_folder() if folder is None else _reported(found, clock, figures)
 
 
-def _definition(study: object) -> StudyDefinition:
+@contextmanager
+def _folder_for_results(folder: StrPath | None, *, numbered: bool) -> Iterator[Path]:
+    """Yield the path of the folder, which is checked; None: a temporary one."""
+    if folder is None:
+        with TemporaryDirectory(prefix="omnidrive-") as path:
+            yield Path(path)
+        return
+    if not numbered:
+        check_study_folder(folder)
+    yield to_path(folder)
+
+
+def _planned(definition: StudyDefinition, clock: Stopwatch) -> PlannedScenario | None:
+    """Return the planned scenario of a comparison, whose duration is feasible; None: another."""
+    if not definition.is_comparison:
+        return None
+    with clock.part("plan", 0):
+        return plan_and_check(definition.scenario)
+
+
+@contextmanager
+def _simulating(execution: StudyExecution, clock: Stopwatch, *, is_kept: bool) -> Iterator[None]:
+    """Measure the time of the block; write results.json of a comparison if it is interrupted."""
+    definition = execution.definition
+    with clock.part("simulate", len(RunPlan(definition))), _limits_in_the_verdict(definition):
+        try:
+            yield
+        except BaseException:
+            with suppress(OmnidriveError):  # no run is finished
+                if is_kept and execution.is_begun and definition.is_comparison:
+                    save_results(execution.study(), execution.folder)
+            raise
+
+
+def _reported(study: Study, clock: Stopwatch, figures: Sequence[str]) -> Study:
+    """Write the report, and results.json of a comparison; return the study."""
+    assert study.folder is not None
+    with clock.part("report", 0):
+        for path in study.report.write(study.folder, formats=figures):
+            clock.progress.done(path.name)
+    if study.definition.is_comparison:
+        save_results(study, study.folder)
+    return study
+
+
+def _definition(study: object, *, confirmed: bool) -> StudyDefinition:
     """Return the definition of a study, or that of the comparison of a scenario.
 
     Raises:
         InvalidInput: It is another object, such as the name of a file.
+        InvalidStudy: It has too many runs that are not confirmed.
     """
-    if isinstance(study, StudyDefinition):
-        return study
     if isinstance(study, Scenario):
         return StudyDefinition.from_scenario(study, series="all")
+    if isinstance(study, StudyDefinition):
+        check_size(RunPlan(study), confirmed=confirmed)
+        return study
     raise InvalidInput(
         f"the study is {short_repr(study)}, need a Scenario: paper_scenario(), or "
         "load_scenario(FILE); or a StudyDefinition: load_definition(FILE)"
     )
-
-
-@contextmanager
-def _kept_results(execution: StudyExecution, *, is_kept: bool) -> Iterator[None]:
-    """Write results.json of a comparison, if a run is finished, if the block is interrupted."""
-    try:
-        yield
-    except BaseException:
-        with suppress(OmnidriveError):
-            if is_kept and execution.is_begun and execution.definition.is_comparison:
-                save_results(execution.study(), execution.folder)
-        raise
 
 
 @contextmanager

@@ -33,7 +33,7 @@ from omnidrive.study.study import Study
 from omnidrive.study.study_folder import DESCRIPTIONS, SCENARIO_FILE, check_unchanged, note_file
 
 MAX_SEQUENTIAL = 10_000
-"""Largest number of repetitions that a stop rule may ask for, by default."""
+"""Largest number of repetitions that a stop rule may ask for."""
 
 _KEYS_IN_HASH = 256
 _MAX_ORDERED = 1000  # runs of a study whose longest runs start first
@@ -52,7 +52,6 @@ class StudyExecution:
         planned: The planned scenario of a comparison; None: the study is no comparison.
         observers: Observers of every run; with observers, the runs are sequential.
         until: Repetitions are added until this rule is satisfied. None: those of the definition.
-        max_repetitions: Largest number of repetitions with ``until``.
 
     Attributes:
         definition: The study.
@@ -69,13 +68,12 @@ class StudyExecution:
         *,
         observers: Sequence[visualization.Observer] = (),
         until: StopRule | None = None,
-        max_repetitions: int = MAX_SEQUENTIAL,
     ) -> None:
         self.definition, self.folder, self._planned = definition, folder.path, planned
         self._inputs, self._observers, self._until = folder, observers, until
         largest = definition
         if until is not None:
-            largest = definition.with_repetitions(max(max_repetitions, definition.repetitions))
+            largest = definition.with_repetitions(max(MAX_SEQUENTIAL, definition.repetitions))
         self.plan = RunPlan(largest)
         self._file = self.folder / (SCENARIO_FILE if planned else DEFINITION_FILE)
         self._digest = self._digest_of_runs()
