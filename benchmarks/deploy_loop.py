@@ -32,7 +32,7 @@ from omnidrive.deploy.latest_readings import LatestReadings
 from omnidrive.deploy.links.simulated import SimulatedLink, SimulatedProcess
 from omnidrive.deploy.realtime import realtime
 from omnidrive.deploy.scenario_robot import ScenarioRobot, scenario_pipeline
-from omnidrive.evaluation.metrics import position_error
+from omnidrive.evaluation.measures.metrics import position_error
 from omnidrive.reference import Reference
 from omnidrive.scenario.planned_scenario import PlannedScenario, plan_and_check
 from omnidrive.simulation import Run, simulate

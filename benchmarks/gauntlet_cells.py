@@ -24,7 +24,7 @@ from gauntlet_references import (
 from omnidrive.components import configure
 from omnidrive.control.components import ControllerContext
 from omnidrive.evaluation import step_response
-from omnidrive.evaluation.metrics import heading_error, position_error
+from omnidrive.evaluation.measures.metrics import heading_error, position_error
 from omnidrive.geometry import Pose
 from omnidrive.robot import ROBOTS
 from omnidrive.scenario import paper_scenario

@@ -19,8 +19,8 @@ from omnidrive.scenario.run_settings import RunSettings
 from omnidrive.scenario.scenario_file import scenario_data
 from omnidrive.scenario.tasks import NoiseTask, Tasks
 from omnidrive.study import parse_definition, run_study
-from omnidrive.study.experiment import Experiment
-from omnidrive.study.planned_run import PlannedRun
+from omnidrive.study.computation.experiment import Experiment
+from omnidrive.study.design.planned_run import PlannedRun
 from omnidrive.study.progress import NullProgress, RunProgress
 
 EACH = 0.002  # s of processor time of a run of the benchmark of the engine

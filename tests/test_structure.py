@@ -67,7 +67,7 @@ WRITERS = {
     "visualization/video_file.py": "films, into the temporary file that the caller gives",
     "cli/main.py": "closed standard streams",
     "deploy/attached_files.py": "files of a log, in a folder that ends when they are read",
-    "study/store_opening.py": "second name of a damaged database, and its log",
+    "study/storage/store_opening.py": "second name of a damaged database, and its log",
     "execution/worker_pool.py": "messages between processes, in a folder that ends with them",
 }
 """Files that write by themselves, and what."""

@@ -16,7 +16,7 @@ import pytest
 from omnidrive.errors import OmnidriveError
 from omnidrive.scenario import load_scenario
 from omnidrive.study import read_study
-from omnidrive.study.store import Store
+from omnidrive.study.storage.store import Store
 
 PROC = Path("/proc")
 TIMEOUT = 200  # s; the steps take two seconds on an idle desktop computer

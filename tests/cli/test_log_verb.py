@@ -9,7 +9,7 @@ import pytest
 
 from omnidrive.deploy import DriveControls
 from omnidrive.deploy.log import read_log
-from omnidrive.evaluation.metrics import heading_error
+from omnidrive.evaluation.measures.metrics import heading_error
 from tests.command import omnidrive
 from tests.deploy.test_drive_log import held_and_armed, logged
 

@@ -8,7 +8,7 @@ from omnidrive.errors import InvalidInput
 from omnidrive.maps import load_map
 from omnidrive.robot import named_robot
 from omnidrive.study import load_definition
-from omnidrive.study.definition_file import study_names
+from omnidrive.study.design.definition_file import study_names
 
 GROUPS = ("controllers", "maps", "plants", "references", "robots")
 

@@ -10,7 +10,7 @@ from omnidrive.control import CommandLimits, LimitedController, unicycle_nmpc
 from omnidrive.control.components import ControllerContext
 from omnidrive.control.nmpc.unicycle import PRESETS, robot_limits, tracking_problem
 from omnidrive.control.pid import classical_pid
-from omnidrive.evaluation.robot_summary import RobotSummary
+from omnidrive.evaluation.tables.robot_summary import RobotSummary
 from omnidrive.execution.engine import log_new
 from omnidrive.geometry import Pose
 from omnidrive.reference import Hold, ShapeReference

@@ -22,8 +22,8 @@ from omnidrive.control.reference_governor import TOLERATED_DELAY
 from omnidrive.control.supervision import SafetySupervisor, Watchdog, WatchdogLimits
 from omnidrive.estimation import State
 from omnidrive.evaluation import path_errors
-from omnidrive.evaluation.metrics import position_error
-from omnidrive.evaluation.path_error import arrival
+from omnidrive.evaluation.measures.metrics import position_error
+from omnidrive.evaluation.measures.path_error import arrival
 from omnidrive.geometry import Pose
 from omnidrive.maps import paper_map
 from omnidrive.planning import PathOptions, Waypoint

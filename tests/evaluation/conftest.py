@@ -7,8 +7,8 @@ import pytest
 
 from omnidrive.control import FeedforwardController, FeedforwardGains
 from omnidrive.control.pid import gain_inference
-from omnidrive.evaluation.metrics import measure
-from omnidrive.evaluation.step_response import step_response
+from omnidrive.evaluation.measures.metrics import measure
+from omnidrive.evaluation.measures.step_response import step_response
 from omnidrive.evaluation.study_logs import ControllerType, RecordedRun, StudyLogs
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.maps import OccupancyGrid
@@ -16,7 +16,7 @@ from omnidrive.planning import Path, SplinePath
 from omnidrive.reference import Hold, time_uniformly
 from omnidrive.robot import named_robot
 from omnidrive.simulation import KinematicPlant, PaperNoise, simulate
-from omnidrive.study.run_recording import step_values, tracking_values
+from omnidrive.study.computation.run_recording import step_values, tracking_values
 from tests.evaluation.recorded import labelled, record
 
 DT = 0.1

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 from omnidrive.evaluation import RunRecord, StudyReport
-from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.page import StudyPage
-from omnidrive.evaluation.run_table import RunTable, tables_of
+from omnidrive.evaluation.statistics.evidence import StudyEvidence
+from omnidrive.evaluation.statistics.run_table import RunTable, tables_of
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_logs import RecordedRun
 

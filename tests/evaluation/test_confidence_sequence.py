@@ -5,12 +5,12 @@ from math import inf, isfinite, log, sqrt
 import numpy as np
 import pytest
 
-from omnidrive.evaluation.confidence_sequence import (
+from omnidrive.evaluation.statistics.confidence_sequence import (
     always_valid_mean,
     always_valid_p,
     values_needed,
 )
-from omnidrive.evaluation.uncertainty import estimate_mean
+from omnidrive.evaluation.statistics.uncertainty import estimate_mean
 
 LAWS = {
     "normal": lambda rng, shape: rng.normal(size=shape),

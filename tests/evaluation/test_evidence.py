@@ -7,9 +7,9 @@ import pyarrow as pa
 import pytest
 from scipy import stats
 
-from omnidrive.evaluation.evidence import axis_evidence, task_evidence
-from omnidrive.evaluation.mean_test import difference_tests
-from omnidrive.evaluation.run_table import RunTable
+from omnidrive.evaluation.statistics.evidence import axis_evidence, task_evidence
+from omnidrive.evaluation.statistics.mean_test import difference_tests
+from omnidrive.evaluation.statistics.run_table import RunTable
 from tests.evaluation.synthetic_runs import TASK, synthetic_table
 
 THREE = {"fuzzy_t1": 0.05015, "fuzzy_t2": 0.05, "pid": 0.0501}

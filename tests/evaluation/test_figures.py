@@ -17,7 +17,7 @@ from omnidrive.evaluation.figures.catalogue import log_drawings
 from omnidrive.evaluation.figures.kinematics import kinematics
 from omnidrive.evaluation.figures.plan import draw_map
 from omnidrive.evaluation.figures.style import register_fonts
-from omnidrive.evaluation.metrics import measure
+from omnidrive.evaluation.measures.metrics import measure
 from omnidrive.evaluation.palette import controller_styles
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Path

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from omnidrive.evaluation.mean_test import (
+from omnidrive.evaluation.statistics.mean_test import (
     MAX_FLIPPED,
     MIN_DIFFERENCES,
     MIN_VALUES,
@@ -16,7 +16,7 @@ from omnidrive.evaluation.mean_test import (
     needed_differences,
     sign_flip_p,
 )
-from omnidrive.evaluation.uncertainty import estimate_mean, p_value
+from omnidrive.evaluation.statistics.uncertainty import estimate_mean, p_value
 
 EQUAL = {
     "normal": lambda rng, shape: rng.normal(size=shape),

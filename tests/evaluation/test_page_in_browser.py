@@ -12,10 +12,10 @@ import pytest
 from PIL import Image
 
 from omnidrive.evaluation import Table
-from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.page import PageFigure
 from omnidrive.evaluation.palette import controller_styles
-from omnidrive.evaluation.run_table import RunTable
+from omnidrive.evaluation.statistics.evidence import StudyEvidence
+from omnidrive.evaluation.statistics.run_table import RunTable
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_report import StudyReport
 from omnidrive.evaluation.verdict import headline

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from omnidrive.evaluation import measure, path_errors
-from omnidrive.evaluation.path_error import arrival
+from omnidrive.evaluation.measures.path_error import arrival
 from omnidrive.geometry import Pose
 from omnidrive.reference import Eight, ShapeReference, delay_within_limits, limit_rows
 from omnidrive.reference.limits import MotionLimits

@@ -4,9 +4,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from omnidrive.evaluation.evidence import StudyEvidence
-from omnidrive.evaluation.published import PUBLISHED_ERRORS
-from omnidrive.evaluation.published_claims import (
+from omnidrive.evaluation.statistics.evidence import StudyEvidence
+from omnidrive.evaluation.statistics.run_table import RunTable
+from omnidrive.evaluation.tables.published import PUBLISHED_ERRORS
+from omnidrive.evaluation.tables.published_claims import (
     CLAIMS,
     FAILS,
     HOLDS,
@@ -15,7 +16,6 @@ from omnidrive.evaluation.published_claims import (
     claims_table,
     published_table,
 )
-from omnidrive.evaluation.run_table import RunTable
 from tests.evaluation.synthetic_runs import synthetic_table
 
 TASKS = (("track", 20.0, ""), ("track", 30.0, ""), ("noise", 30.0, ""))

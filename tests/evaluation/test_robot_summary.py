@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from omnidrive.evaluation.figures.robot_card import robot_card
-from omnidrive.evaluation.robot_summary import Capability, RobotSummary, support_margin
+from omnidrive.evaluation.tables.robot_summary import Capability, RobotSummary, support_margin
 from omnidrive.robot import GRAVITY, ROBOTS, Mount, named_robot, omni_ring
 
 SMALL = named_robot("small")

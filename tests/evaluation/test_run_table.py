@@ -5,9 +5,9 @@ import pyarrow as pa
 import pytest
 
 from omnidrive.errors import InvalidInput
-from omnidrive.evaluation.evidence import axis_evidence, task_evidence
-from omnidrive.evaluation.quantities import parse_value, quantity
-from omnidrive.evaluation.run_table import RunTable, Task
+from omnidrive.evaluation.measures.quantities import parse_value, quantity
+from omnidrive.evaluation.statistics.evidence import axis_evidence, task_evidence
+from omnidrive.evaluation.statistics.run_table import RunTable, Task
 from tests.evaluation.synthetic_runs import synthetic_table, with_repeats
 
 AXES = {"plant_robot.mass": [50.0, 75.0], "plant": ["planar", "kinematic"]}

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pytest
 
 from omnidrive.errors import InvalidInput
-from omnidrive.evaluation.stop_rule import StopRule, leading_repetitions
+from omnidrive.evaluation.statistics.stop_rule import StopRule, leading_repetitions
 from tests.evaluation.synthetic_runs import TASK, synthetic_table, with_repeats
 
 RULE = StopRule.parse("me:0.1mm")

@@ -5,7 +5,7 @@ import json
 import pyarrow as pa
 import pytest
 
-from omnidrive.evaluation.study_difference import (
+from omnidrive.evaluation.statistics.study_difference import (
     difference_record,
     difference_table,
     study_difference,

@@ -11,20 +11,20 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from omnidrive.errors import InvalidInput, one_line
-from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.figures.catalogue import drawings, drawn
 from omnidrive.evaluation.figures.study_axes import axis_curves
 from omnidrive.evaluation.figures.study_cost import CostPoint, cost_points, pareto_front
 from omnidrive.evaluation.figures.study_distributions import paired_intervals
 from omnidrive.evaluation.figures.style import figure_style
 from omnidrive.evaluation.page import PageFigure
-from omnidrive.evaluation.result_tables import interval_note
-from omnidrive.evaluation.run_table import RunTable
+from omnidrive.evaluation.statistics.evidence import StudyEvidence
+from omnidrive.evaluation.statistics.run_table import RunTable
+from omnidrive.evaluation.statistics.uncertainty import MeanEstimate
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_report import StudyReport
 from omnidrive.evaluation.study_verdicts import study_verdicts
-from omnidrive.evaluation.table import percent
-from omnidrive.evaluation.uncertainty import MeanEstimate
+from omnidrive.evaluation.tables.result_tables import interval_note
+from omnidrive.evaluation.tables.table import percent
 from tests.evaluation.recorded import page_text, tables_by_title
 from tests.evaluation.synthetic_runs import TASK, synthetic_table
 

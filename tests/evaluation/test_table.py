@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from omnidrive.evaluation import Table, write_tables
 from omnidrive.evaluation.page.markup import tables_markup
+from omnidrive.evaluation.statistics.uncertainty import estimate_mean
 from omnidrive.evaluation.study_logs import ControllerType
-from omnidrive.evaluation.table import RESOLUTION, cell_text, leading_number, number_text
-from omnidrive.evaluation.table_files import csv_text, latex_text
-from omnidrive.evaluation.uncertainty import estimate_mean
+from omnidrive.evaluation.tables.table import RESOLUTION, cell_text, leading_number, number_text
+from omnidrive.evaluation.tables.table_files import csv_text, latex_text
 from tests.evaluation.recorded import reported
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from omnidrive.evaluation.uncertainty import estimate_mean, holm, p_value
+from omnidrive.evaluation.statistics.uncertainty import estimate_mean, holm, p_value
 from tests.examples import examples
 
 

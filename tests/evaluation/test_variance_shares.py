@@ -5,8 +5,8 @@ from math import isnan
 import numpy as np
 import pytest
 
-from omnidrive.evaluation.run_table import RunTable
-from omnidrive.evaluation.variance_shares import variance_shares
+from omnidrive.evaluation.statistics.run_table import RunTable
+from omnidrive.evaluation.statistics.variance_shares import variance_shares
 from tests.evaluation.synthetic_runs import synthetic_table
 
 

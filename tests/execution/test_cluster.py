@@ -14,8 +14,8 @@ import pytest
 from omnidrive.errors import InvalidInput, MissingExtra
 from omnidrive.execution import cluster
 from omnidrive.execution.cluster import ClusterPool, _execute, _versions
-from omnidrive.study.experiment import Experiment
-from omnidrive.study.store import Store
+from omnidrive.study.computation.experiment import Experiment
+from omnidrive.study.storage.store import Store
 from tests.study.synthetic import Compute, SyntheticPlan, table_bytes
 
 pytest.importorskip("distributed")

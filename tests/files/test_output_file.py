@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.evaluation.figures import save as save_figure
-from omnidrive.evaluation.table import Table
-from omnidrive.evaluation.table_files import write_tables
+from omnidrive.evaluation.tables.table import Table
+from omnidrive.evaluation.tables.table_files import write_tables
 from omnidrive.files.output_file import output_file
 from omnidrive.maps import paper_map, save_nav2_map
 from omnidrive.planning import Path as PosePath

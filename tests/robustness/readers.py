@@ -46,7 +46,7 @@ from omnidrive.scenario.controller_file import load_controller
 from omnidrive.simulation import load_run
 from omnidrive.simulation.identification import identify_robot, read_log
 from omnidrive.study import StudyDefinition, load_definition, save_definition
-from omnidrive.study.store import Store
+from omnidrive.study.storage.store import Store
 from omnidrive.study.stored_study import read_study
 from omnidrive.tuning import load_tuning
 from tests.robot.descriptions import (

@@ -14,8 +14,8 @@ import pyarrow as pa
 
 from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.scenario.run_settings import RunSettings
-from omnidrive.study.planned_run import PlannedRun
-from omnidrive.study.run_recording import relabelled
+from omnidrive.study.computation.run_recording import relabelled
+from omnidrive.study.design.planned_run import PlannedRun
 from tests.study.small import small_scenario
 
 CONTROLLERS = ("pid", "fuzzy_t1", "fuzzy_t2")

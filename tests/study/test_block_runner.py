@@ -8,12 +8,12 @@ import pytest
 
 from omnidrive.control.supervision import WheelMonitor
 from omnidrive.evaluation import measure
-from omnidrive.evaluation.metrics import commanded_wheel_speeds
-from omnidrive.evaluation.path_error import _Path, path_errors, path_errors_of
+from omnidrive.evaluation.measures.metrics import commanded_wheel_speeds
+from omnidrive.evaluation.measures.path_error import _Path, path_errors, path_errors_of
 from omnidrive.robot import ROBOTS, named_robot, save_robot
 from omnidrive.study import RunPlan, parse_definition, run_block
-from omnidrive.study import block_runner as runner
-from omnidrive.study.batched_runs import batched_records
+from omnidrive.study.computation import block_runner as runner
+from omnidrive.study.computation.batched_runs import batched_records
 
 TASKS = {
     "track": {"durations": [10]},
@@ -225,7 +225,7 @@ def test_nearest_points_of_many_runs_are_those_of_each():
 
 
 def test_metrics_of_one_run_are_those_of_many():
-    from omnidrive.evaluation.metrics import LoggedRuns, measure_many
+    from omnidrive.evaluation.measures.metrics import LoggedRuns, measure_many
     from omnidrive.scenario import plan_and_check, simulate_run
 
     plan = plan_of({"noise": {"durations": [10]}}, controllers=["feedforward"])

@@ -7,9 +7,9 @@ import sqlite3
 import pytest
 
 from omnidrive.errors import CannotWrite, InvalidStore
-from omnidrive.study import store_errors
-from omnidrive.study.run_recording import relabelled
-from omnidrive.study.store import FILE, Store
+from omnidrive.study.computation.run_recording import relabelled
+from omnidrive.study.storage import store_errors
+from omnidrive.study.storage.store import FILE, Store
 from tests.study.synthetic import SyntheticPlan, record
 
 PAGE = 4096

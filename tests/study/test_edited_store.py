@@ -8,7 +8,7 @@ import pytest
 from omnidrive.errors import OmnidriveError
 from omnidrive.study import RunPlan
 from omnidrive.study.output_paths import DEFINITION_FILE
-from omnidrive.study.store import FILE, Store
+from omnidrive.study.storage.store import FILE, Store
 from omnidrive.study.stored_study import read_study
 from omnidrive.study.study_folder import load_study, note_file, study_outline
 from tests.study.test_stored_study import made

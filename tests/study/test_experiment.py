@@ -14,8 +14,8 @@ from time import monotonic, sleep
 import psutil
 import pytest
 
-from omnidrive.study.experiment import Experiment, _Pace
-from omnidrive.study.store import FILE, Store
+from omnidrive.study.computation.experiment import Experiment, _Pace
+from omnidrive.study.storage.store import FILE, Store
 from tests.study.processes import workers
 from tests.study.synthetic import Compute, SyntheticPlan, record, table_bytes
 
@@ -138,7 +138,7 @@ import sys
 from pathlib import Path
 from tests.study.processes import workers
 from tests.study.synthetic import Compute, SyntheticPlan
-from omnidrive.study.experiment import Experiment
+from omnidrive.study.computation.experiment import Experiment
 
 folder, count, period, seconds, processes = sys.argv[1:]
 plan = SyntheticPlan(int(count), int(period))

@@ -111,8 +111,8 @@ def test_lost_run_is_named_in_results_and_report(tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return simulate_run(planned, settings, observers)
 
-    monkeypatch.setattr("omnidrive.study.block_runner.simulate_run", simulated)
-    monkeypatch.setattr("omnidrive.study.block_runner.is_worker", lambda: True)
+    monkeypatch.setattr("omnidrive.study.computation.block_runner.simulate_run", simulated)
+    monkeypatch.setattr("omnidrive.study.computation.block_runner.is_worker", lambda: True)
     track = DurationsTask(durations=(20.0,))
     study = run_study(STEP.with_values(tasks=Tasks(step=STEP.tasks.step, track=track)), tmp_path)
     outcome = "the process of the run was killed: by KeyboardInterrupt of a component"

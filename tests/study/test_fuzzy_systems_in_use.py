@@ -7,7 +7,7 @@ import omnidrive as od
 from omnidrive.control.pid.gain_tuning import OUTPUTS
 from omnidrive.control.pid.rules import LABELS, paper_rules
 from omnidrive.evaluation.figures.membership import membership_functions
-from omnidrive.evaluation.rule_tables import rule_tables
+from omnidrive.evaluation.tables.rule_tables import rule_tables
 from omnidrive.study.setup_facts import controller_types
 
 CHANGED = (paper_rules()[:, :, 0] - LABELS.index("ZO")).tolist()

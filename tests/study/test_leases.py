@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from omnidrive.study import leases as leases_module
-from omnidrive.study.leases import Leases, _start_of
-from omnidrive.study.store import Store
+from omnidrive.study.storage import leases as leases_module
+from omnidrive.study.storage.leases import Leases, _start_of
+from omnidrive.study.storage.store import Store
 from tests.study.synthetic import SyntheticPlan, record
 
 PLAN = SyntheticPlan(30)

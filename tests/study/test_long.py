@@ -6,7 +6,7 @@ from math import dist
 import pytest
 
 from omnidrive.evaluation import measure
-from omnidrive.evaluation.published import PUBLISHED_ERRORS
+from omnidrive.evaluation.tables.published import PUBLISHED_ERRORS
 from omnidrive.geometry import move
 from omnidrive.planning import Waypoint
 from omnidrive.scenario import (

@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from omnidrive.evaluation import measure, step_response
-from omnidrive.evaluation.published import PUBLISHED_ERRORS
+from omnidrive.evaluation.tables.published import PUBLISHED_ERRORS
 from omnidrive.scenario import (
     RunSettings,
     paper_scenario,

@@ -45,7 +45,7 @@ def executed(monkeypatch):
         found.append(settings.task)
         return simulate_run(planned, settings, observers)
 
-    monkeypatch.setattr("omnidrive.study.block_runner.simulate_run", noted)
+    monkeypatch.setattr("omnidrive.study.computation.block_runner.simulate_run", noted)
     return found
 
 

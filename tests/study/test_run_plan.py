@@ -12,7 +12,7 @@ import pytest
 from omnidrive.errors import InvalidStudy
 from omnidrive.scenario import settings_of_runs
 from omnidrive.study import RunPlan, StudyDefinition, check_size, parse_definition
-from omnidrive.study.random_factors import RandomFactors, parse_factor, repetition_seed
+from omnidrive.study.design.random_factors import RandomFactors, parse_factor, repetition_seed
 from tests.study.small import noise_scenario, small_scenario
 
 HEAD = {"format": "omnidrive-study-1", "name": "test", "scenario": "paper"}

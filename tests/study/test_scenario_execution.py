@@ -15,12 +15,13 @@ from omnidrive.components import configure
 from omnidrive.scenario.run_settings import run_name
 from omnidrive.scenario.tasks import DurationsTask, FaultsTask, NoiseTask, StepTask, Tasks
 from omnidrive.simulation import Outcome
-from omnidrive.study import StudyDefinition, block_runner, run_study
-from omnidrive.study.block_runner import run_block
-from omnidrive.study.numbered_runs import is_sequential
+from omnidrive.study import StudyDefinition, run_study
+from omnidrive.study.computation import block_runner
+from omnidrive.study.computation.block_runner import run_block
+from omnidrive.study.computation.numbered_runs import is_sequential
+from omnidrive.study.computation.run_recording import lost_record
+from omnidrive.study.design.run_plan import RunPlan
 from omnidrive.study.progress import NullProgress
-from omnidrive.study.run_plan import RunPlan
-from omnidrive.study.run_recording import lost_record
 from tests.study.processes import workers
 from tests.study.small import small_scenario
 

@@ -12,10 +12,10 @@ from threading import Thread
 import pytest
 
 from omnidrive.errors import CannotWrite, InvalidStore
-from omnidrive.study import store as store_module
-from omnidrive.study import store_errors
-from omnidrive.study.run_recording import relabelled
-from omnidrive.study.store import FILE, Store
+from omnidrive.study.computation.run_recording import relabelled
+from omnidrive.study.storage import store as store_module
+from omnidrive.study.storage import store_errors
+from omnidrive.study.storage.store import FILE, Store
 from tests.study.synthetic import SyntheticPlan, record, table_bytes
 
 PLAN = SyntheticPlan(60, period=45)
@@ -57,7 +57,7 @@ def test_table_has_the_order_of_the_plan_and_exact_numbers(tmp_path):
 
 
 def test_columns_of_runs_with_different_metrics_and_factors(tmp_path, monkeypatch):
-    monkeypatch.setattr("omnidrive.study.stored_rows._CHUNK", 2)
+    monkeypatch.setattr("omnidrive.study.storage.stored_rows._CHUNK", 2)
     values = [{"a": 1}, {"a": 2.5}, {"a": "x", "b": True}, {"b": False}]
     metrics = [{"me": 1.0}, {"me": 2.0}, {"overshoot_x": 3.0}, {}]
     filled(
@@ -145,7 +145,7 @@ def test_full_disk_is_reported_and_stored_runs_are_kept(tmp_path):
 LIMITED = """
 import resource, sys
 from omnidrive.errors import CannotWrite
-from omnidrive.study.store import Store
+from omnidrive.study.storage.store import Store
 from tests.study.test_store import RECORDS
 with Store(sys.argv[1]) as store:
     resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))

@@ -19,10 +19,10 @@ from omnidrive.evaluation import RunRecord
 from omnidrive.evaluation.figures.catalogue import write_figures
 from omnidrive.files.output_file import _COMPUTER
 from omnidrive.study import RunPlan, parse_definition, run_study, save_definition
+from omnidrive.study.computation.run_recording import relabelled
 from omnidrive.study.run_export import results_digest
-from omnidrive.study.run_recording import relabelled
 from omnidrive.study.setup_facts import setup_facts
-from omnidrive.study.store import Store
+from omnidrive.study.storage.store import Store
 from omnidrive.study.stored_study import (
     compare_studies,
     export_study,

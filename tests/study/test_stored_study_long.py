@@ -11,7 +11,7 @@ import pytest
 from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.study import RunPlan, parse_definition, save_definition
 from omnidrive.study.output_paths import DEFINITION_FILE
-from omnidrive.study.store import Store
+from omnidrive.study.storage.store import Store
 from omnidrive.study.study_folder import note_file
 from tests.study.test_stored_study import DEFINITION
 

@@ -6,12 +6,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from omnidrive.errors import CannotWrite, InvalidStore, InvalidStudy
-from omnidrive.evaluation.stop_rule import StopRule
+from omnidrive.evaluation.statistics.stop_rule import StopRule
 from omnidrive.scenario.scenario_file import scenario_data
 from omnidrive.scenario.tasks import NoiseTask, StepTask, Tasks
 from omnidrive.study import parse_definition, run_study
 from omnidrive.study.progress import NullProgress
-from omnidrive.study.store import Store
+from omnidrive.study.storage.store import Store
 from omnidrive.study.study_folder import load_study
 from tests.study.small import small_scenario
 from tests.study.synthetic import table_bytes

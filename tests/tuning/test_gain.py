@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnidrive.evaluation.mean_test import difference_tests
+from omnidrive.evaluation.statistics.mean_test import difference_tests
 from omnidrive.tuning import held_out_gain, parse_objective
 from omnidrive.tuning.gain import Gain
 from tests.tuning.synthetic import record

@@ -15,7 +15,7 @@ from omnidrive.errors import CannotWrite, InvalidInput
 from omnidrive.scenario import Scenario, plan_at, save_scenario
 from omnidrive.scenario.controller_file import load_controller
 from omnidrive.study import RunPlan, StudyDefinition, load_definition
-from omnidrive.study.store import Store
+from omnidrive.study.storage.store import Store
 from omnidrive.tuning import (
     Tuning,
     TuningSettings,

@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 from omnidrive.deploy.drive import DriveResult
 from omnidrive.evaluation import RecordedRun, Table
 from omnidrive.evaluation.figures.catalogue import Drawing
-from omnidrive.evaluation.run_table import tables_of
+from omnidrive.evaluation.statistics.run_table import tables_of
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.scenario.planned_scenario import PlannedScenario
-from omnidrive.study.definition import StudyDefinition
+from omnidrive.study.computation.run_recording import record_of
+from omnidrive.study.design.definition import StudyDefinition
+from omnidrive.study.design.run_plan import RunPlan
 from omnidrive.study.folder import RunFolder
 from omnidrive.study.results_data import save_results
-from omnidrive.study.run_plan import RunPlan
-from omnidrive.study.run_recording import record_of
 from omnidrive.study.study import Study, study_logs
 
 _ESTIMATED = (

@@ -13,8 +13,8 @@ from omnidrive.deploy.log.logged_drive import LoggedDrive
 from omnidrive.deploy.log_replay import LogReplay, command_rows
 from omnidrive.errors import InvalidLog
 from omnidrive.evaluation import Table
-from omnidrive.evaluation.metrics import measure
-from omnidrive.evaluation.table import NO_VALUE, number_text
+from omnidrive.evaluation.measures.metrics import measure
+from omnidrive.evaluation.tables.table import NO_VALUE, number_text
 
 
 def comparison_tables(logs: Sequence[LoggedDrive], names: Sequence[str]) -> list[Table]:

@@ -1,14 +1,14 @@
 from .figures import plot
-from .metrics import Metrics, heading_error, measure, position_error
-from .path_error import PathErrors, path_errors
-from .recovery import Recovery, recovery
+from .measures.metrics import Metrics, heading_error, measure, position_error
+from .measures.path_error import PathErrors, path_errors
+from .measures.recovery import Recovery, recovery
+from .measures.step_response import STEP_AXES, StepResponse, step_response
 from .run_record import RunRecord
-from .step_response import STEP_AXES, StepResponse, step_response
 from .study_logs import RecordedRun, StudyLogs
 from .study_report import StudyReport
 from .study_verdicts import study_verdicts
-from .table import Table
-from .table_files import write_tables
+from .tables.table import Table
+from .tables.table_files import write_tables
 from .verdict import TaskVerdict
 
 __all__ = [

@@ -6,16 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 
-from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.figures.catalogue import Drawing, drawings, write_figures
 from omnidrive.evaluation.page import PageFigure, StudyPage
 from omnidrive.evaluation.palette import ControllerStyle
+from omnidrive.evaluation.statistics.evidence import StudyEvidence
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_logs import StudyLogs
-from omnidrive.evaluation.study_tables import study_tables
 from omnidrive.evaluation.study_verdicts import study_verdicts
-from omnidrive.evaluation.table import Table
-from omnidrive.evaluation.table_files import write_tables
+from omnidrive.evaluation.tables.study_tables import study_tables
+from omnidrive.evaluation.tables.table import Table
+from omnidrive.evaluation.tables.table_files import write_tables
 from omnidrive.evaluation.verdict import TaskVerdict
 from omnidrive.files.output_file import create_folder, output_file
 from omnidrive.files.str_path import StrPath, to_path

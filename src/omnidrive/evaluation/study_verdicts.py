@@ -7,16 +7,16 @@ from math import nan
 
 import numpy as np
 
-from omnidrive.evaluation.evidence import (
+from omnidrive.evaluation.measures.quantities import quantity
+from omnidrive.evaluation.run_record import TIMING
+from omnidrive.evaluation.statistics.evidence import (
     StudyEvidence,
     Summary,
     TaskEvidence,
 )
-from omnidrive.evaluation.quantities import quantity
-from omnidrive.evaluation.run_record import TIMING
-from omnidrive.evaluation.run_table import RunTable, Task
+from omnidrive.evaluation.statistics.run_table import RunTable, Task
 from omnidrive.evaluation.study_logs import StudyLogs
-from omnidrive.evaluation.table import (
+from omnidrive.evaluation.tables.table import (
     level_text,
 )
 from omnidrive.evaluation.verdict import Cost, TaskVerdict, listed

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from math import inf, isfinite, nan
 from typing import NamedTuple
 
-from omnidrive.evaluation.evidence import (
+from omnidrive.evaluation.statistics.evidence import (
     WORSE,
     PairEvidence,
     Summary,
     TaskEvidence,
 )
-from omnidrive.evaluation.table import (
+from omnidrive.evaluation.tables.table import (
     MIN_RESULT,
     cell_text,
     is_negligible,

@@ -1,12 +1,14 @@
-from .block_runner import run_block
-from .definition import StudyDefinition
-from .definition_file import (
+from .computation.block_runner import run_block
+from .design.definition import StudyDefinition
+from .design.definition_file import (
     definition_data,
     load_definition,
     parse_definition,
     save_definition,
     study_names,
 )
+from .design.planned_run import PlannedRun
+from .design.run_plan import RunPlan, check_size
 from .folder import RunFolder
 from .motion_plan import Fact, plan_facts, planned_duration, save_figure, save_plan
 from .output_paths import (
@@ -16,10 +18,8 @@ from .output_paths import (
     check_plan_targets,
     check_study_folder,
 )
-from .planned_run import PlannedRun
 from .progress import ProgressListener, RunProgress
 from .queries import solve_queries
-from .run_plan import RunPlan, check_size
 from .run_study import run_study
 from .stored_study import compare_studies, export_study, read_study, report_study
 from .study import Study

@@ -12,7 +12,7 @@ from typing import Any
 
 from omnidrive.components import find_component
 from omnidrive.evaluation import STEP_AXES, RunRecord, StudyLogs, TaskVerdict
-from omnidrive.evaluation.evidence import PairEvidence, StudyEvidence, Summary
+from omnidrive.evaluation.statistics.evidence import PairEvidence, StudyEvidence, Summary
 from omnidrive.files.output_file import output_file
 from omnidrive.robot import is_robot_file
 from omnidrive.scenario.run_settings import fault_of

@@ -12,21 +12,21 @@ from omnidrive import visualization  # imports only the modules in use
 from omnidrive.compiled import announce_compiling
 from omnidrive.control.controller import FALLS_BEHIND
 from omnidrive.errors import InvalidInput, OmnidriveError, short_repr
-from omnidrive.evaluation.stop_rule import StopRule
+from omnidrive.evaluation.statistics.stop_rule import StopRule
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.parameter import Bounds, check_number
 from omnidrive.scenario.planned_scenario import PlannedScenario, plan_and_check
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.simulation.run_log import RUN_LOGGER
-from omnidrive.study.definition import StudyDefinition
+from omnidrive.study.computation.numbered_runs import is_sequential
+from omnidrive.study.computation.study_execution import StudyExecution
+from omnidrive.study.design.definition import StudyDefinition
+from omnidrive.study.design.run_plan import RunPlan, check_size
 from omnidrive.study.folder import RunFolder
-from omnidrive.study.numbered_runs import is_sequential
 from omnidrive.study.output_paths import check_study_folder
 from omnidrive.study.progress import NullProgress, ProgressListener, Stopwatch
 from omnidrive.study.results_data import save_results
-from omnidrive.study.run_plan import RunPlan, check_size
 from omnidrive.study.study import Study
-from omnidrive.study.study_execution import StudyExecution
 
 
 @announce_compiling()

@@ -18,7 +18,7 @@ from omnidrive.evaluation.study_logs import ControllerType
 from omnidrive.fuzzy import FuzzySystem
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.scenario.sections import RobotSection
-from omnidrive.study.definition import StudyDefinition
+from omnidrive.study.design.definition import StudyDefinition
 
 _MAX_VALUES = 12  # of an axis
 _MAX_TEXT = 300

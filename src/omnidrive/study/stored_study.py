@@ -11,13 +11,13 @@ import pyarrow.parquet as pq
 from omnidrive.components.code import CodePermission
 from omnidrive.errors import InvalidInput, one_line
 from omnidrive.evaluation import Table
-from omnidrive.evaluation.study_difference import StudyDifference, study_difference
+from omnidrive.evaluation.statistics.study_difference import StudyDifference, study_difference
 from omnidrive.files.output_file import output_file, remove_abandoned
 from omnidrive.files.str_path import StrPath, to_path
-from omnidrive.study.definition import StudyDefinition
+from omnidrive.study.design.definition import StudyDefinition
 from omnidrive.study.results_data import save_results
 from omnidrive.study.run_export import write_csv
-from omnidrive.study.store import Store
+from omnidrive.study.storage.store import Store
 from omnidrive.study.study import Study
 from omnidrive.study.study_folder import load_study, resume_command
 

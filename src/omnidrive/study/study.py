@@ -16,13 +16,13 @@ import pyarrow as pa
 from omnidrive.components import configure
 from omnidrive.errors import InvalidLog, RunFailed
 from omnidrive.evaluation import RunRecord, StudyLogs, StudyReport, Table, TaskVerdict
-from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.figures.catalogue import Drawing
-from omnidrive.evaluation.published import PUBLISHED_ERRORS
 from omnidrive.evaluation.run_record import TIMING
-from omnidrive.evaluation.run_table import FACTOR_PREFIX, IDENTITY, RunTable
+from omnidrive.evaluation.statistics.evidence import StudyEvidence
+from omnidrive.evaluation.statistics.run_table import FACTOR_PREFIX, IDENTITY, RunTable
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_logs import RecordedRun
+from omnidrive.evaluation.tables.published import PUBLISHED_ERRORS
 from omnidrive.execution.versions import VERSIONS
 from omnidrive.notebook import facts_html, table_html
 from omnidrive.scenario.planned_scenario import PlannedScenario, plan_scenario
@@ -30,14 +30,14 @@ from omnidrive.scenario.run_settings import faults_of
 from omnidrive.scenario.scenario import Scenario, paper_scenario
 from omnidrive.simulation import Run
 from omnidrive.simulation.saved_run import load_run
-from omnidrive.study.definition import StudyDefinition
-from omnidrive.study.numbered_runs import series_file
+from omnidrive.study.computation.numbered_runs import series_file
+from omnidrive.study.design.definition import StudyDefinition
+from omnidrive.study.design.run_key import plan_digest
+from omnidrive.study.design.run_plan import RunPlan
 from omnidrive.study.output_paths import DEFINITION_FILE
 from omnidrive.study.run_export import results_digest
-from omnidrive.study.run_key import plan_digest
-from omnidrive.study.run_plan import RunPlan
 from omnidrive.study.setup_facts import controller_types, setup_facts
-from omnidrive.study.stored_rows import Loss
+from omnidrive.study.storage.stored_rows import Loss
 from omnidrive.study.study_folder import SCENARIO_FILE, resume_command
 
 MAX_LOGS = 500

@@ -14,11 +14,11 @@ from omnidrive.files.bounded_file import read_bounded
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.study.output_paths import DEFINITION_FILE, STORE_FILE
-from omnidrive.study.store import Store
+from omnidrive.study.storage.store import Store
 
 if TYPE_CHECKING:
-    from omnidrive.study.definition import StudyDefinition
-    from omnidrive.study.run_plan import RunPlan
+    from omnidrive.study.design.definition import StudyDefinition
+    from omnidrive.study.design.run_plan import RunPlan
 
 SCENARIO_FILE = "scenario.yaml"
 """Name of the scenario in the folder of a study of one scenario, which keeps all logs."""
@@ -69,8 +69,8 @@ def load_study(
         InvalidInput: The definition, or the scenario of a study of one scenario, is invalid.
     """
     from omnidrive.scenario.scenario_file import load_scenario  # noqa: PLC0415
-    from omnidrive.study.definition import StudyDefinition  # noqa: PLC0415 - takes two seconds
-    from omnidrive.study.definition_file import load_definition  # noqa: PLC0415
+    from omnidrive.study.design.definition import StudyDefinition  # noqa: PLC0415 - takes two seconds
+    from omnidrive.study.design.definition_file import load_definition  # noqa: PLC0415
 
     path = to_path(folder)
     if (path / SCENARIO_FILE).is_file():
@@ -116,7 +116,7 @@ def study_outline(folder: StrPath) -> tuple[StudyOutline, str]:
             stored = _stored_outline(store, file)
             if stored is not None:
                 return stored, store.fact("until") or ""
-    from omnidrive.study.run_plan import RunPlan  # noqa: PLC0415
+    from omnidrive.study.design.run_plan import RunPlan  # noqa: PLC0415
 
     definition, until = load_study(path, allow_code=CodePermission.UNREAD)
     return _outline(RunPlan(definition)), until

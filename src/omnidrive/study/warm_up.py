@@ -28,10 +28,10 @@ from omnidrive.scenario.run_parts import make_controller
 from omnidrive.scenario.scenario import paper_scenario
 from omnidrive.scenario.tasks import DurationsTask, Tasks
 from omnidrive.simulation.identification.response import response
-from omnidrive.study.block_runner import run_block
-from omnidrive.study.definition import StudyDefinition
+from omnidrive.study.computation.block_runner import run_block
+from omnidrive.study.design.definition import StudyDefinition
+from omnidrive.study.design.run_plan import RunPlan
 from omnidrive.study.progress import NullProgress, ProgressListener
-from omnidrive.study.run_plan import RunPlan
 
 
 def warm_up(progress: ProgressListener | None = None, *, processes: int = 1) -> None:

@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.mean_test import difference_tests, mean_intervals
-from omnidrive.evaluation.quantities import QUANTITIES
+from omnidrive.evaluation.measures.quantities import QUANTITIES
 from omnidrive.evaluation.run_record import RunRecord
-from omnidrive.evaluation.uncertainty import MeanEstimate
+from omnidrive.evaluation.statistics.mean_test import difference_tests, mean_intervals
+from omnidrive.evaluation.statistics.uncertainty import MeanEstimate
 from omnidrive.tuning.objective import Objective, metric_value
 
 BETTER, WORSE = "better", "worse"
@@ -123,8 +123,9 @@ def _mean_of(name: str, factor: float) -> Callable[[Records], float]:
 def validation_gain(before: Records, after: Records, objective: Objective) -> Gain:
     """Return the gain of an objective on validation runs, for a choice and not for a claim.
 
-    Its interval is that of the mean, see :func:`~omnidrive.evaluation.mean_test.mean_intervals`,
-    which also exists for the few repetitions of a validation.
+    Its interval is that of the mean, see
+    :func:`~omnidrive.evaluation.statistics.mean_test.mean_intervals`, which also exists for the few
+    repetitions of a validation.
     """
     means, differences = _paired_values(_finished_pairs(before, after), objective.value)
     (interval,) = mean_intervals(differences[:, None])

@@ -10,7 +10,7 @@ from statistics import fmean
 from typing import Literal, NamedTuple
 
 from omnidrive.errors import InvalidInput, one_line, suggestion
-from omnidrive.evaluation.quantities import QUANTITIES, Quantity, parse_value
+from omnidrive.evaluation.measures.quantities import QUANTITIES, Quantity, parse_value
 from omnidrive.evaluation.run_record import RunRecord
 
 Statistic = Literal["mean", "max"]

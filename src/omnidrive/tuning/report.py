@@ -21,7 +21,7 @@ from omnidrive.evaluation.page.markup import (
     items_markup,
     tables_markup,
 )
-from omnidrive.evaluation.table import Table
+from omnidrive.evaluation.tables.table import Table
 from omnidrive.files.output_file import create_folder, output_file
 from omnidrive.scenario.controller_file import save_controller
 from omnidrive.study import StudyDefinition

@@ -19,9 +19,9 @@ from omnidrive.execution.engine import (
 from omnidrive.execution.worker_pool import WorkerPool
 from omnidrive.simulation import Run
 from omnidrive.study import PlannedRun, run_block
-from omnidrive.study.experiment import record_of_lost
-from omnidrive.study.run_recording import relabelled
-from omnidrive.study.store import Store
+from omnidrive.study.computation.experiment import record_of_lost
+from omnidrive.study.computation.run_recording import relabelled
+from omnidrive.study.storage.store import Store
 
 
 def _ignore(run: PlannedRun, log: Run) -> None:

@@ -25,7 +25,7 @@ from omnidrive.study import (
     definition_data,
     save_definition,
 )
-from omnidrive.study.store import Store
+from omnidrive.study.storage.store import Store
 from omnidrive.tuning.gain import BETTER, WORSE, HeldOut, held_out_gain, validation_gain
 from omnidrive.tuning.objective import Objective
 from omnidrive.tuning.problem import (

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 def drive_errors(run: Run) -> dict[str, float]:
     """Return the mean and the largest position error, m, and the mean heading error, rad."""
-    from omnidrive.evaluation.metrics import heading_error, position_error
+    from omnidrive.evaluation.measures.metrics import heading_error, position_error
 
     distance = position_error(run.pose, run.target)
     return {

@@ -62,7 +62,7 @@ def show(
     from omnidrive.cli.tables import print_tables
     from omnidrive.evaluation.figures import save as save_figure
     from omnidrive.evaluation.figures.robot_card import robot_card
-    from omnidrive.evaluation.robot_summary import RobotSummary
+    from omnidrive.evaluation.tables.robot_summary import RobotSummary
     from omnidrive.robot import named_robot
 
     if png is not None:
@@ -119,7 +119,7 @@ def import_(
     * `omnidrive robot import base.urdf --wheel fl --wheel fr --wheel rl --wheel rr
       --wheel-radius 0.08`
     """
-    from omnidrive.evaluation.robot_summary import RobotSummary
+    from omnidrive.evaluation.tables.robot_summary import RobotSummary
     from omnidrive.robot import save_robot
     from omnidrive.robot.imports import import_robot
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from omnidrive.evaluation import Table
-from omnidrive.evaluation.robot_summary import Capability, RobotSummary
+from omnidrive.evaluation.tables.robot_summary import Capability, RobotSummary
 from omnidrive.robot import Robot
 
 _BEARINGS = (0, 45, 90, 135)  # degrees; the polytopes are symmetric about their origin

@@ -27,8 +27,8 @@ from omnidrive.cli.terminal import show
 from omnidrive.errors import InvalidInput, one_line
 
 if TYPE_CHECKING:
-    from omnidrive.study.axes import Label
-    from omnidrive.study.definition import StudyDefinition
+    from omnidrive.study.design.axes import Label
+    from omnidrive.study.design.definition import StudyDefinition
 
 _MAX_VALUE = 2000  # characters of a value of --set
 _SHOWN_VALUES = 6
@@ -113,7 +113,7 @@ def run(
     * `omnidrive study friction.yaml --until me:0.1mm`
     * `omnidrive study friction.yaml --equal-budget 100`
     """
-    from omnidrive.study.definition_file import load_definition
+    from omnidrive.study.design.definition_file import load_definition
 
     formats = figure_formats(figures)
     changes = dict(map(_parsed, set_ or ()))
@@ -166,8 +166,8 @@ def list_studies() -> None:
 
     * `omnidrive study list`
     """
-    from omnidrive.study.definition_file import load_definition, study_names
-    from omnidrive.study.run_plan import RunPlan
+    from omnidrive.study.design.definition_file import load_definition, study_names
+    from omnidrive.study.design.run_plan import RunPlan
 
     for name in study_names():
         definition = load_definition(name)
@@ -189,7 +189,7 @@ def _parsed(text: str) -> tuple[str, Any]:
 
 def _show_plan(definition: StudyDefinition) -> None:
     """Print what a study varies and how many runs that makes."""
-    from omnidrive.study.run_plan import RunPlan
+    from omnidrive.study.design.run_plan import RunPlan
 
     plan = RunPlan(definition)
     show(f"study {definition.name}: {len(plan):,} runs")

@@ -112,7 +112,7 @@ def diff(
     * `omnidrive study diff runs/before runs/after`
     """
     from omnidrive.cli.tables import print_tables
-    from omnidrive.evaluation.study_difference import difference_record, difference_table
+    from omnidrive.evaluation.statistics.study_difference import difference_record, difference_table
     from omnidrive.study.stored_study import compare_studies, read_study
 
     studies = [read_study(folder) for folder in (first, second)]

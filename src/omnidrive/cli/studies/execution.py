@@ -12,8 +12,8 @@ from omnidrive.cli.progress import LiveProgress
 from omnidrive.cli.studies.results import print_results
 from omnidrive.cli.terminal import note
 from omnidrive.errors import WorkerLost
-from omnidrive.evaluation.stop_rule import StopRule
-from omnidrive.study.definition import StudyDefinition
+from omnidrive.evaluation.statistics.stop_rule import StopRule
+from omnidrive.study.design.definition import StudyDefinition
 from omnidrive.study.output_paths import STORE_FILE
 from omnidrive.study.study_folder import resume_command
 

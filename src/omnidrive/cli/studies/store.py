@@ -59,8 +59,8 @@ def status(folder: FolderArgument, json: JsonOption = False) -> None:
     * `omnidrive study status runs/friction`
     """
     from omnidrive.cli.terminal import count_text, print_json, show, warn
-    from omnidrive.study.leases import at_work
-    from omnidrive.study.store import Store
+    from omnidrive.study.storage.leases import at_work
+    from omnidrive.study.storage.store import Store
     from omnidrive.study.study_folder import resume_command, study_outline
 
     (name, planned, names_code), until = study_outline(folder)

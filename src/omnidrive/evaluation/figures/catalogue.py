@@ -10,7 +10,6 @@ from typing import NamedTuple
 from matplotlib.figure import Figure
 
 from omnidrive.errors import InvalidInput, short_repr, suggestion
-from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.figures.comparison import heading_comparison, horizon_bars, xy_comparison
 from omnidrive.evaluation.figures.effort import effort
 from omnidrive.evaluation.figures.gain_history import gain_history, step_gain_history
@@ -23,6 +22,7 @@ from omnidrive.evaluation.figures.study_distributions import distributions, pair
 from omnidrive.evaluation.figures.style import figure_style, save
 from omnidrive.evaluation.figures.tracking_error import tracking_error
 from omnidrive.evaluation.palette import ControllerStyle
+from omnidrive.evaluation.statistics.evidence import StudyEvidence
 from omnidrive.evaluation.study_logs import StudyLogs
 from omnidrive.evaluation.study_verdicts import has_evidence
 from omnidrive.evaluation.verdict import TaskVerdict

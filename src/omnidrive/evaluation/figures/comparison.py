@@ -24,10 +24,10 @@ from omnidrive.evaluation.figures.style import (
     new_figure,
     set_log_scale,
 )
-from omnidrive.evaluation.metrics import START_PHASE, heading_error, position_error
+from omnidrive.evaluation.measures.metrics import START_PHASE, heading_error, position_error
 from omnidrive.evaluation.palette import ControllerStyle, controller_styles, horizon_styles
 from omnidrive.evaluation.study_logs import RecordedRun, StudyLogs
-from omnidrive.evaluation.table import number_text
+from omnidrive.evaluation.tables.table import number_text
 
 _MIN_HALF_SIDE = 0.04  # m; of the magnified square
 _WHOLE_MAP_RATIO = 0.6  # size of path to map from which the whole map is shown

@@ -19,7 +19,7 @@ from omnidrive.evaluation.figures.style import (
     new_figure,
     set_log_scale,
 )
-from omnidrive.evaluation.metrics import START_PHASE, commanded_wheel_speeds
+from omnidrive.evaluation.measures.metrics import START_PHASE, commanded_wheel_speeds
 from omnidrive.evaluation.palette import controller_styles
 from omnidrive.evaluation.study_logs import StudyLogs
 from omnidrive.simulation import Run

@@ -24,7 +24,7 @@ from omnidrive.evaluation.figures.style import (
     hide_axes,
     new_figure,
 )
-from omnidrive.evaluation.robot_summary import Capability, RobotSummary, support_polygon
+from omnidrive.evaluation.tables.robot_summary import Capability, RobotSummary, support_polygon
 from omnidrive.geometry import Pose
 from omnidrive.robot import Mount, Robot
 

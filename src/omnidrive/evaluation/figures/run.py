@@ -15,7 +15,7 @@ from omnidrive.evaluation.figures.style import (
     legend_above,
     new_figure,
 )
-from omnidrive.evaluation.metrics import heading_error, position_error
+from omnidrive.evaluation.measures.metrics import heading_error, position_error
 from omnidrive.simulation import Run
 
 

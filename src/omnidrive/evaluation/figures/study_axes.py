@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import StrMethodFormatter
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.evidence import LevelEvidence, StudyEvidence
 from omnidrive.evaluation.figures.style import DARK, PAGE, legend_above, new_figure, set_log_scale
 from omnidrive.evaluation.palette import ControllerStyle
-from omnidrive.evaluation.table import level_text, number_text
-from omnidrive.evaluation.variance_shares import variance_shares
+from omnidrive.evaluation.statistics.evidence import LevelEvidence, StudyEvidence
+from omnidrive.evaluation.statistics.variance_shares import variance_shares
+from omnidrive.evaluation.tables.table import level_text, number_text
 from omnidrive.evaluation.verdict import TaskVerdict
 
 _MAX_COLUMNS = 3  # tasks in one figure of curves

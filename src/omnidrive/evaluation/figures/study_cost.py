@@ -9,10 +9,10 @@ from typing import NamedTuple
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.figures.style import MUTED, PAGE, legend_above, new_figure, set_log_scale
 from omnidrive.evaluation.palette import ControllerStyle
-from omnidrive.evaluation.uncertainty import MeanEstimate
+from omnidrive.evaluation.statistics.evidence import StudyEvidence
+from omnidrive.evaluation.statistics.uncertainty import MeanEstimate
 from omnidrive.evaluation.verdict import TaskVerdict
 
 TIME = "step_time_median"

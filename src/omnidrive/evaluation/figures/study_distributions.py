@@ -11,7 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omnidrive.arrays import Array
-from omnidrive.evaluation.evidence import (
+from omnidrive.evaluation.figures.style import DARK, MUTED, PAGE, new_figure, set_log_scale
+from omnidrive.evaluation.palette import ControllerStyle
+from omnidrive.evaluation.statistics.evidence import (
     BETTER,
     NO_DIFFERENCE,
     WORSE,
@@ -19,8 +21,6 @@ from omnidrive.evaluation.evidence import (
     StudyEvidence,
     TaskEvidence,
 )
-from omnidrive.evaluation.figures.style import DARK, MUTED, PAGE, new_figure, set_log_scale
-from omnidrive.evaluation.palette import ControllerStyle
 from omnidrive.evaluation.verdict import TaskVerdict
 
 MAX_PANELS = 6

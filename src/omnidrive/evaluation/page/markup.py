@@ -10,7 +10,7 @@ from math import atan2, degrees
 from typing import NamedTuple
 
 from omnidrive.evaluation.study_logs import StudyLogs
-from omnidrive.evaluation.table import NO_VALUE, Table
+from omnidrive.evaluation.tables.table import NO_VALUE, Table
 from omnidrive.evaluation.verdict import TaskVerdict
 from omnidrive.robot import Robot
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 from html import escape
 from typing import NamedTuple
 
-from omnidrive.evaluation.evidence import StudyEvidence
 from omnidrive.evaluation.page.document import document, fill_template, read_parts
 from omnidrive.evaluation.page.markup import (
     PageFigure,
@@ -19,10 +18,11 @@ from omnidrive.evaluation.page.markup import (
 )
 from omnidrive.evaluation.page.payload import payload
 from omnidrive.evaluation.palette import ControllerStyle
+from omnidrive.evaluation.statistics.evidence import StudyEvidence
 from omnidrive.evaluation.study_facts import StudyFacts
 from omnidrive.evaluation.study_logs import StudyLogs
 from omnidrive.evaluation.study_verdicts import has_evidence
-from omnidrive.evaluation.table import Table
+from omnidrive.evaluation.tables.table import Table
 from omnidrive.evaluation.verdict import TaskVerdict
 
 _PLAYER_SCRIPTS = (

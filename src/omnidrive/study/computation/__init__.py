@@ -1,0 +1,1 @@
+"""How the planned runs of a study are computed and recorded."""

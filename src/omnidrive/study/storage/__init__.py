@@ -1,0 +1,1 @@
+"""Stored runs of a study: database, leases and tables."""
