@@ -76,7 +76,7 @@ def run(
     * `omnidrive run --task noise --controller fuzzy_t2 --seed 7 --estimator`
     * `omnidrive run --fault wheel-dead:wheel=2,at=5`
     * `omnidrive run --video run.gif`
-    * `omnidrive run --controller holonomic-nmpc --save-robot learned.yaml`
+    * `omnidrive run --controller holonomic-nmpc --save-robot identified.yaml`
     """
     from omnidrive.cli.progress import LiveProgress, save_film
     from omnidrive.cli.studies.results import print_results
