@@ -10,11 +10,12 @@ from omnidrive.reference import Hold
 
 DT = 0.05
 GOAL = Hold(Pose(0.0, 0.0, 0.0), 9.0)
+RATES = {"speed": 0.5, "layer": 0.1, "yaw_rate": 1.5, "heading_layer": 0.3}
 
 
 def closed_loop(start, samples, disturbance=(0.0, 0.0, 0.0), **parameters):
-    """Poses of a robot that executes every command plus a disturbance."""
-    law = SlidingModeController(DT, SlidingModeParameters(**parameters))
+    """Poses of a robot that executes every command plus a disturbance, with `RATES`."""
+    law = SlidingModeController(DT, SlidingModeParameters(**RATES | parameters))
     poses = [start]
     law.reset(State(0.0, start))
     for k in range(samples):
@@ -57,3 +58,10 @@ def test_disturbance_leaves_its_share_of_the_layer(start):
     assert poses[-1] == pytest.approx([0.06, 0.0, 0.0], abs=1e-9)
     turned = closed_loop(Pose(0.0, 0.0, start), 100, BodyTwist(0.0, 0.0, 0.5))
     assert turned[-1] == pytest.approx([0.0, 0.0, 0.1], abs=1e-9)
+
+
+def test_defaults_damp_both_errors_alike_at_every_sample_time():
+    """The tuned heading layer is the narrowest one that is not widened at 0.1 s."""
+    p = SlidingModeParameters()
+    assert p.heading_layer == pytest.approx(2.0 * p.yaw_rate * 0.1)
+    assert 2.0 * p.speed * 0.1 <= p.layer

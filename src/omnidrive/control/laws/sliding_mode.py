@@ -24,13 +24,13 @@ _MIN_STEPS = 2.0  # a delay of one sample then leaves errors in the layer damped
 class SlidingModeParameters(NamedTuple):
     """Reaching rates and boundary layers; the rate over the layer is the gain inside, in 1/s."""
 
-    speed: Annotated[float, Bounds(0.0, 10.0, "m/s")] = 0.5
+    speed: Annotated[float, Bounds(0.0, 10.0, "m/s")] = 0.82
     """Rate at which a position error outside its layer decreases, m/s."""
-    layer: Annotated[float, Bounds(1e-4, 10.0, "m")] = 0.1
+    layer: Annotated[float, Bounds(1e-4, 10.0, "m")] = 0.22
     """Half-width of the boundary layer of the position error, m."""
-    yaw_rate: Annotated[float, Bounds(0.0, 50.0, "rad/s")] = 1.5
+    yaw_rate: Annotated[float, Bounds(0.0, 50.0, "rad/s")] = 1.9
     """Rate at which a heading error outside its layer decreases, rad/s."""
-    heading_layer: Annotated[float, Bounds(1e-4, 3.0, "rad")] = 0.3
+    heading_layer: Annotated[float, Bounds(1e-4, 3.0, "rad")] = 0.38
     """Half-width of the boundary layer of the heading error, rad."""
 
 
