@@ -8,6 +8,7 @@ import yaml
 
 from omnidrive.scenario.scenario import DEFAULT_CONTROLLERS
 from tests.docs.blocks import PAGES, ROOT
+from tests.laws.one_file_laws import ONE_FILE_LAWS
 
 LINKED = [*PAGES, ROOT / "CHANGELOG.md"]
 CODE = re.compile(r"^( *)```.*?^\1```$|`[^`\n]+`", re.DOTALL | re.MULTILINE)
@@ -53,7 +54,7 @@ def _table(page):
     text = (ROOT / page).read_text(encoding="utf-8")
     table = [line[1:-1].split("|") for line in re.findall(r"^\|.*\|$", text, re.MULTILINE)]
     rows = [[cell.strip(" *") for cell in row] for row in table[2:]]
-    assert len(rows) == len(DEFAULT_CONTROLLERS["recommended"])
+    assert len(rows) == len(DEFAULT_CONTROLLERS["recommended"]) + len(ONE_FILE_LAWS)
     return text, rows
 
 
