@@ -45,7 +45,9 @@ def test_weights_are_exponential_and_sum_to_one():
 
 
 def test_noise_is_normal_with_the_stated_deviations():
-    noise = draw_noise(np.random.default_rng(3), MppiParameters(speed_noise=0.2))
+    noise = draw_noise(
+        np.random.default_rng(3), MppiParameters(speed_noise=0.2, yaw_rate_noise=0.2)
+    )
     assert noise.shape == (16, 150, 12, 3)
     assert noise.std((0, 1, 2)) == pytest.approx([0.2, 0.2, 0.2], rel=0.02)
     assert np.abs(noise.mean((0, 1, 2))).max() < 0.005
@@ -60,7 +62,7 @@ def test_cost_of_the_reference_is_zero():
 
 
 def test_cost_of_a_kept_error_is_that_of_its_distance_and_heading():
-    law, hold = controller(), Hold(Pose(0.0, 0.0, 0.0), 9.0)
+    law, hold = controller(position=0.02, heading=0.1), Hold(Pose(0.0, 0.0, 0.0), 9.0)
     pose = Pose(0.3, -0.4, 0.2)
     expected = 12 * (hypot(1.0, 0.5 / 0.02) - 1.0 + hypot(1.0, 0.2 / 0.1) - 1.0)
     assert cost(law, pose, REST, hold, np.zeros((12, 3))) == pytest.approx(expected)

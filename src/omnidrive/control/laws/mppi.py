@@ -40,25 +40,25 @@ class MppiParameters(NamedTuple):
     """Prediction horizon, in steps of the sample time."""
     pairs: Annotated[int, Bounds(1, 5000)] = 150
     """Number of pairs of sampled motions, whose noise has opposite signs."""
-    temperature: Annotated[float, Bounds(1e-6, 1e6)] = 2.0
+    temperature: Annotated[float, Bounds(1e-6, 1e6)] = 1.7
     """Cost of a motion above the best one at which its weight is 1/e."""
-    speed_noise: Annotated[float, Bounds(1e-6, 10.0, "m/s")] = 0.07
+    speed_noise: Annotated[float, Bounds(1e-6, 10.0, "m/s")] = 0.14
     """Standard deviation of the sampled velocity along x and along y of the robot, m/s."""
-    yaw_rate_noise: Annotated[float, Bounds(1e-6, 50.0, "rad/s")] = 0.2
+    yaw_rate_noise: Annotated[float, Bounds(1e-6, 50.0, "rad/s")] = 0.17
     """Standard deviation of the sampled yaw rate, rad/s."""
-    position: Annotated[float, Bounds(1e-4, 10.0, "m")] = 0.02
+    position: Annotated[float, Bounds(1e-4, 10.0, "m")] = 0.057
     """Tolerance of the distance to the reference, m."""
-    heading: Annotated[float, Bounds(1e-4, 10.0, "rad")] = 0.1
+    heading: Annotated[float, Bounds(1e-4, 10.0, "rad")] = 0.095
     """Tolerance of the heading error, rad."""
-    yaw_rate: Annotated[float, Bounds(1e-4, 50.0, "rad/s")] = 3.0
+    yaw_rate: Annotated[float, Bounds(1e-4, 50.0, "rad/s")] = 3.2
     """Tolerance of the yaw rate beside that of the reference, rad/s."""
-    control_cost: Annotated[float, Bounds(0.0, 1.0)] = 0.1
+    control_cost: Annotated[float, Bounds(0.0, 1.0)] = 0.065
     """Cost of corrections, as a share of that of Williams et al. (gamma over temperature)."""
-    wheel_cost: Annotated[float, Bounds(0.0, 1e6)] = 100.0
+    wheel_cost: Annotated[float, Bounds(0.0, 1e6)] = 81.0
     """Cost of a wheel speed of twice the limit in one step."""
-    max_acceleration: Annotated[float, Bounds(1e-3, 1e3, "m/s^2")] = 3.0
+    max_acceleration: Annotated[float, Bounds(1e-3, 1e3, "m/s^2")] = 4.2
     """Largest change of the velocity along x and along y of the robot, m/s^2."""
-    max_yaw_acceleration: Annotated[float, Bounds(1e-3, 1e4, "rad/s^2")] = 10.0
+    max_yaw_acceleration: Annotated[float, Bounds(1e-3, 1e4, "rad/s^2")] = 26.0
     """Largest change of the yaw rate, rad/s^2."""
 
 
