@@ -6,7 +6,8 @@ from datetime import date
 import numpy as np
 import pytest
 
-from omnidrive.errors import InvalidInput, InvalidStudy
+from omnidrive.errors import InvalidInput, InvalidScenario, InvalidStudy
+from omnidrive.scenario import load_scenario
 from omnidrive.study import (
     RunPlan,
     definition_data,
@@ -206,7 +207,7 @@ def test_all_problems_are_named_at_once():
     ("keys", "fact"),
     [
         ({"format": "omnidrive-study-2"}, "another version of omnidrive; this one reads"),
-        ({"format": "omnidrive-scenario-1"}, "is not a study file: it needs format"),
+        ({"format": "omnidrive-scenario-1"}, "is a scenario file; use omnidrive compare"),
         ({"axis": {}}, "unknown key 'axis'; did you mean 'axes'?"),
         ({"repetitions": 0}, "repetitions is 0, need 1 to"),
         ({"scenario": "recomended"}, "did you mean 'recommended'?"),
@@ -391,3 +392,10 @@ def test_text_of_a_file_is_shown_as_one_line():
 def test_data_of_a_study_has_no_empty_keys():
     data = definition_data(study(axes={"sample_time": [0.05, 0.1]}))
     assert set(data) == {"format", "name", "scenario", "axes", "random", "repetitions", "series"}
+
+
+def test_a_study_file_is_not_taken_for_a_scenario(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text("format: omnidrive-study-1\n", encoding="utf-8")
+    with pytest.raises(InvalidScenario, match="is a study file; use omnidrive study"):
+        load_scenario(path)

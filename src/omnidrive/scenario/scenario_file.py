@@ -54,6 +54,8 @@ def load_scenario(path: StrPath, *, allow_code: bool | CodePermission = False) -
         raise InvalidScenario(f"{name} is not a scenario: it contains no keys")
     if data.get("format") == ROBOT_FORMAT:
         raise InvalidScenario(f"{name} is a robot file; use --robot {name}")
+    if str(data.get("format")).startswith("omnidrive-study-"):
+        raise InvalidScenario(f"{name} is a study file; use omnidrive study {name}")
     if "controllers" in data:
         moved = files_moved(data["controllers"], lambda each: str(path.parent / each))
         data = {**data, "controllers": moved}

@@ -166,6 +166,8 @@ def _parse_file(data: Any, where: str) -> _StudyFile:
                 f"{where} has the format {one_line(found, 60)}, of another version of omnidrive; "
                 f"this one reads {FORMAT}"
             )
+        if found == Scenario.model_fields["format"].default:
+            raise InvalidStudy(f"{where} is a scenario file; use omnidrive compare {where}")
         raise InvalidStudy(f"{where} is not a study file: it needs format: {FORMAT}")
     try:
         return _StudyFile.model_validate(data)
