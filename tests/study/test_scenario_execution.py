@@ -12,7 +12,6 @@ import pytest
 
 from omnidrive.compiled.compilation import reported
 from omnidrive.components import configure
-from omnidrive.scenario.run_settings import run_name
 from omnidrive.scenario.tasks import DurationsTask, FaultsTask, NoiseTask, StepTask, Tasks
 from omnidrive.simulation import Outcome
 from omnidrive.study import StudyDefinition, run_study
@@ -168,7 +167,7 @@ def test_record_of_a_lost_run_is_that_of_its_task(task):
     run = [each for each in plan if each.settings.task == task][-1]
     record = lost_record(run, Outcome.KILLED, "twice")
     assert record.detail == "the process of the run was killed: twice"
-    assert record.name == run_name(run.scenario, run.settings)
+    assert record.name == run.name
     assert (record.finished, record.metrics) == (False, {})
 
 

@@ -119,7 +119,7 @@ class Experiment:
         work = Work(
             compute=self.compute,
             lost=lambda number, lost: record_of_lost(self.plan[number], lost, time_limit),
-            name=lambda number: f"run {number}",
+            name=lambda number: f"run {number} ({self.plan[number].name})",
             largest=1 if time_limit is not None or self.order else _MAX_LEASED,
         )
         here = in_process

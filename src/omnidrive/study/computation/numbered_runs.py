@@ -13,7 +13,6 @@ from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.execution.engine import must_be_in_process
 from omnidrive.files.output_file import create_folder
 from omnidrive.scenario.planned_scenario import PlannedScenario
-from omnidrive.scenario.run_settings import run_name
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.simulation import Run
 from omnidrive.study.computation.block_runner import keep_plan, run_block
@@ -83,5 +82,5 @@ class NumberedRuns:
 def series_file(definition: StudyDefinition, run: PlannedRun) -> str:
     """Return the file name of the time series of a run: its number, or name in one scenario."""
     if definition.is_one_scenario:
-        return f"{run_name(run.scenario, run.settings)}.parquet"
+        return f"{run.name}.parquet"
     return f"{run.number:06d}.parquet"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from omnidrive.scenario.run_settings import RunSettings
+from omnidrive.scenario.run_settings import RunSettings, run_name
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.study.design.run_key import PlanKeys
 
@@ -32,3 +32,8 @@ class PlannedRun(NamedTuple):
     """Keys of its motion and of its simulated robot: runs with equal ones share them."""
     nominal: str = ""
     """In the task `faults`: the key of the run without a fault."""
+
+    @property
+    def name(self) -> str:
+        """Name of the run in its scenario, such as ``track-pid-20s``."""
+        return run_name(self.scenario, self.settings)
