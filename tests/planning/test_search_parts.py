@@ -10,7 +10,7 @@ from omnidrive.planning.search.astar import astar
 from omnidrive.planning.search.bit_tiles import empty_tiles, tile_index
 from omnidrive.planning.search.bitgrid import BitGrid
 from omnidrive.planning.search.heuristics import DIAGONAL, HEURISTICS, STRAIGHT
-from omnidrive.planning.search.jump_grid import JumpGrid, jumps
+from omnidrive.planning.search.jump_grid import JUMP, JumpGrid, jumps
 from omnidrive.planning.search.lazy_theta import has_line_of_sight
 from omnidrive.planning.search.moves import MOVES, neighbourhood, pruned_moves
 from tests.examples import examples
@@ -54,7 +54,7 @@ def first_end(occupied, row, col, move):
 
 def jumps_of(occupied, bitgrid, cells, move):
     """Yield the jump points of a move from each cell, as found and as expected cell by cell."""
-    jump_grid, found = JumpGrid.of(bitgrid), np.zeros((4 * sum(occupied.shape), 3), int)
+    jump_grid, found = JumpGrid.of(bitgrid), np.zeros(4 * sum(occupied.shape), JUMP)
     steps, nowhere = [np.array(m[:: -1 if bitgrid.transposed else 1]) for m in MOVES], 0
     padded = np.pad(occupied, 1, constant_values=True)
     for cell in cells:
@@ -75,7 +75,7 @@ def jumps_of(occupied, bitgrid, cells, move):
         if move < 4 or diagonal > 0:  # other diagonal moves are not allowed
             index_of = bitgrid.index_of(tuple(cell))
             count = jumps(jump_grid, bitgrid.stride, index_of, nowhere, 1 << move, found)
-            yield sorted(map(tuple, found[:count].tolist())), sorted(expected)
+            yield sorted(found[:count].tolist()), sorted(expected)
 
 
 DENSITIES = st.one_of(st.floats(0.0, 0.5), st.floats(0.0, 0.01))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Int64, UInt64
+from jaxtyping import Shaped, UInt64
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
@@ -24,6 +24,10 @@ _GROUPS = tuple(  # group size, and mask of the lower group of every pair
     for size in (32, 16, 8, 4, 2, 1)
 )
 _ROWS, _COLS = np.array(MOVES).T.copy()
+
+
+JUMP = np.dtype([("cell", "i8"), ("length", "i8"), ("move", "i8")], align=True)
+"""Index of a jump point, the length of the path to it, and the last move."""
 
 
 class JumpGrid(NamedTuple):
@@ -61,7 +65,7 @@ def jumps(  # noqa: PLR0917
     cell: int,
     goal: int,
     moves: int,
-    found: Int64[Array, "most 3"],
+    found: Shaped[Array, " most"],
 ) -> int:
     """Find the first jump points, or the goal, along moves from a cell.
 
@@ -74,10 +78,10 @@ def jumps(  # noqa: PLR0917
         cell: Index of the cell.
         goal: Index of the goal cell.
         moves: Moves to try, as bits; diagonal moves must be allowed.
-        found: Output: index of each jump point, its distance, and the last move to it.
+        found: Output: the jump points, of type :data:`JUMP`.
 
     Returns:
-        Number of rows of ``found`` that were filled.
+        Number of elements of ``found`` that were filled.
     """
     rows, columns, other = jump_grid
     count, by_column = 0, _column_index(other, stride, cell)
@@ -116,9 +120,9 @@ def _column_index(other: int, stride: int, cell: int) -> int:
 
 
 @inlined
-def _add(found: Int64[Array, "most 3"], count: int, cell: int, length: int, move: int) -> int:
+def _add(found: Shaped[Array, " most"], count: int, cell: int, length: int, move: int) -> int:
     """Append a jump point to ``found`` and return the new count."""
-    found[count, 0], found[count, 1], found[count, 2] = cell, length, move
+    found[count].cell, found[count].length, found[count].move = cell, length, move
     return count + 1
 
 

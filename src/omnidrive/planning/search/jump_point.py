@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Int32, Int64, UInt8
+from jaxtyping import Int32, Shaped, UInt8
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
@@ -19,9 +19,17 @@ from omnidrive.planning.search.bucket_queue import (
     push,
 )
 from omnidrive.planning.search.heuristics import DIAGONAL, STRAIGHT, Heuristic, cost_to_go
-from omnidrive.planning.search.jump_grid import JumpGrid, jumps
+from omnidrive.planning.search.jump_grid import JUMP, JumpGrid, jumps
 from omnidrive.planning.search.moves import START_MOVE, neighbourhood
 
+_NODE = np.dtype([
+    ("cell", "i8"),
+    ("length", "i8"),
+    ("parent", "i8"),
+    ("last_move", "i8"),
+], align=True)  # fmt: skip
+"""Index of the cell, length of the shortest known path, index of the parent node, and code of the
+last move, as in :mod:`astar`. The queue holds indices of nodes."""
 _CLOSED = 16  # flag of an expanded node
 _CAPACITY = 1 << 9  # initial number of nodes and of slots of the queue
 
@@ -49,7 +57,7 @@ def jump_point(  # noqa: PLR0917
         heuristic: Estimate of the remaining length.
     """
     short, long = sorted(bitgrid.shape)
-    found = np.empty((4 * (2 * short + 2), 3), np.int64)  # enough for the successors of one cell
+    found = np.empty(4 * (2 * short + 2), JUMP)  # enough for the successors of one cell
     longest = 5 * (DIAGONAL * short + STRAIGHT * long) // 2  # a jump and the rise of the heuristic
     nodes, goal_node, expansions = _explore(
         jump_grid, bitgrid.bits, bitgrid.stride, start, goal, move_table, heuristic, found,
@@ -67,10 +75,10 @@ def _explore(  # noqa: PLR0917
     goal: int,
     move_table: UInt8[Array, "10 512"],
     heuristic: Heuristic,
-    found: Int64[Array, "most 3"],
+    found: Shaped[Array, " most"],
     queue: Int32[Array, " size"],
     ring: int,
-) -> tuple[Int64[Array, "nodes 4"], int, int]:
+) -> tuple[Shaped[Array, " nodes"], int, int]:
     """Return the nodes, the index of the goal's node (0: no path) and the number of expansions."""
     goal_cell = goal // stride, goal % stride
     start_estimate = _cost_to_go(heuristic, stride, start, goal_cell)
@@ -85,10 +93,10 @@ def _explore(  # noqa: PLR0917
             break
         node = pop(queue, ring, bucket)
         waiting -= 1
-        cell, so_far, last_move = nodes[node, 0], nodes[node, 1], nodes[node, 3]
+        cell, so_far, last_move = nodes[node].cell, nodes[node].length, nodes[node].last_move
         if last_move & _CLOSED or so_far >= best:
             continue
-        nodes[node, 3], expansions = last_move | _CLOSED, expansions + 1
+        nodes[node].last_move, expansions = last_move | _CLOSED, expansions + 1
         moves = int64(move_table[last_move, neighbourhood(bits, stride, cell)])
         reached = jumps(jump_grid, stride, cell, goal, moves, found)
         while is_full(queue, ring, waiting + reached):
@@ -97,21 +105,21 @@ def _explore(  # noqa: PLR0917
             nodes = _enlarge_nodes(nodes)
             table = _table(nodes, count)
         for i in range(reached):
-            to, length = found[i, 0], so_far + found[i, 1]
+            to, length = found[i].cell, so_far + found[i].length
             estimate = length + _cost_to_go(heuristic, stride, to, goal_cell)
             if estimate >= best:
                 continue
             slot = _hash(to) & (len(table) - 1)
-            while table[slot] != 0 and nodes[table[slot], 0] != to:
+            while table[slot] != 0 and nodes[table[slot]].cell != to:
                 slot = (slot + 1) & (len(table) - 1)
             known = int64(table[slot])
             if known == 0:
                 table[slot] = known = count
                 count += 1
-            elif length >= nodes[known, 1]:
+            elif length >= nodes[known].length:
                 continue
-            nodes[known, 0], nodes[known, 1] = to, length
-            nodes[known, 2], nodes[known, 3] = node, found[i, 2] + 1
+            nodes[known].cell, nodes[known].length = to, length
+            nodes[known].parent, nodes[known].last_move = node, found[i].move + 1
             if to == goal:
                 best, goal_node = length, known
             push(queue, ring, max(bucket, (estimate - start_estimate) >> BUCKET_SHIFT), known)
@@ -133,26 +141,22 @@ def _hash(cell: int) -> int:
 
 
 @compiled
-def _create_nodes(cell: int) -> Int64[Array, "nodes 4"]:
-    """Create the array of nodes with the start as node 1; node 0 is unused.
-
-    The columns are the cell index, the length of the shortest known path, the index of the parent
-    node, and the code of the last move (as in :mod:`astar`). The queue holds node indices.
-    """
-    nodes = np.empty((_CAPACITY, 4), np.int64)
-    nodes[1, 0], nodes[1, 1], nodes[1, 2], nodes[1, 3] = cell, 0, 0, START_MOVE
+def _create_nodes(cell: int) -> Shaped[Array, " nodes"]:
+    """Create the array of nodes with the start as node 1; node 0 is unused."""
+    nodes = np.empty(_CAPACITY, _NODE)
+    nodes[1].cell, nodes[1].length, nodes[1].parent, nodes[1].last_move = cell, 0, 0, START_MOVE
     return nodes
 
 
 @compiled
-def _table(nodes: Int64[Array, "nodes 4"], count: int) -> Int32[Array, " slots"]:
+def _table(nodes: Shaped[Array, " nodes"], count: int) -> Int32[Array, " slots"]:
     """Create a hash table (open addressing, at most half full) of the first ``count`` nodes."""
     size = 1
     while size < 2 * len(nodes):
         size *= 2
     table = np.zeros(size, np.int32)
     for node in range(1, count):
-        slot = _hash(nodes[node, 0]) & (size - 1)
+        slot = _hash(nodes[node].cell) & (size - 1)
         while table[slot] != 0:
             slot = (slot + 1) & (size - 1)
         table[slot] = node
@@ -160,27 +164,27 @@ def _table(nodes: Int64[Array, "nodes 4"], count: int) -> Int32[Array, " slots"]
 
 
 @compiled
-def _enlarge_nodes(nodes: Int64[Array, "nodes 4"]) -> Int64[Array, "more 4"]:
+def _enlarge_nodes(nodes: Shaped[Array, " nodes"]) -> Shaped[Array, " more"]:
     """Return the array of nodes with twice its capacity."""
-    more = np.empty((2 * len(nodes), 4), np.int64)
+    more = np.empty(2 * len(nodes), _NODE)
     more[: len(nodes)] = nodes
     return more
 
 
 @compiled
 def _reconstruct_path(
-    nodes: Int64[Array, "nodes 4"], stride: int, goal_node: int
+    nodes: Shaped[Array, " nodes"], stride: int, goal_node: int
 ) -> Int32[Array, " cells"]:
     """Return the cells up to a node; the path from a parent is diagonal first, then straight."""
     count, node = min(goal_node, 1), goal_node
-    while goal_node and nodes[node, 2] != 0:
-        cell, parent = nodes[node, 0], nodes[nodes[node, 2], 0]
+    while goal_node and nodes[node].parent != 0:
+        cell, parent = nodes[node].cell, nodes[nodes[node].parent].cell
         rows, cols = cell // stride - parent // stride, cell % stride - parent % stride
         count += max(abs(rows), abs(cols))
-        node = nodes[node, 2]
+        node = nodes[node].parent
     path, node, at = np.empty(count, np.int32), goal_node, count - 1
     while at > 0:
-        cell, parent = nodes[node, 0], nodes[nodes[node, 2], 0]
+        cell, parent = nodes[node].cell, nodes[nodes[node].parent].cell
         rows, cols = cell // stride - parent // stride, cell % stride - parent % stride
         down, right = np.sign(rows) * stride, np.sign(cols)
         diagonal = min(abs(rows), abs(cols))
@@ -191,7 +195,7 @@ def _reconstruct_path(
                 cell -= down + right
             else:
                 cell -= down if abs(rows) > abs(cols) else right
-        node = nodes[node, 2]
+        node = nodes[node].parent
     if count > 0:
-        path[0] = nodes[1, 0]
+        path[0] = nodes[1].cell
     return path
