@@ -29,7 +29,7 @@ from omnidrive.fuzzy.sets import FULL_FOOTPRINT, ZSlice, flatten_sets
 from omnidrive.fuzzy.spikes import NO_SPIKES, spikes_of
 from omnidrive.fuzzy.sugeno import flatten_functions
 from omnidrive.fuzzy.system import FuzzySystem
-from omnidrive.fuzzy.system_arrays import Header, arrays_of
+from omnidrive.fuzzy.system_arrays import Header, Options, arrays_of
 from omnidrive.fuzzy.trapezoid_centroid import trapezoids_of
 
 _OUT_OF_RANGE = {"clamp": CLAMP, "matlab": AS_IS, "raise": RAISE}
@@ -118,17 +118,14 @@ def _pack_slice(system: FuzzySystem, options: InferenceOptions, z_slice: ZSlice)
     header = Header(
         np.array([end for variable in system.inputs for end in (variable.low, variable.high)]),
         np.array([output.fallback for output in system.outputs]),
-        np.array([z_slice.level if system.type == 3 else 1.0]),
-        np.array(
-            [
-                method,
-                system.type > 1,
-                ALGORITHMS.index(options.algorithm),
-                _OUT_OF_RANGE[options.out_of_range],
-                _NO_RULE[options.no_rule],
-                options.samples if method == SAMPLED else max(map(len, consequents)),
-            ],
-            dtype=np.int64,
+        z_slice.level if system.type == 3 else 1.0,
+        Options(
+            method,
+            int(system.type > 1),
+            ALGORITHMS.index(options.algorithm),
+            _OUT_OF_RANGE[options.out_of_range],
+            _NO_RULE[options.no_rule],
+            options.samples if method == SAMPLED else max(map(len, consequents)),
         ),
     )
     sets = flatten_sets([variable.sets for variable in system.inputs], z_slice)

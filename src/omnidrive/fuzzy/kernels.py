@@ -12,7 +12,7 @@ from omnidrive.fuzzy.antecedents import fire
 from omnidrive.fuzzy.centre_of_sets import centre_of_sets
 from omnidrive.fuzzy.checks import MAX_NUMBER
 from omnidrive.fuzzy.consequents import max_strengths, sum_strengths
-from omnidrive.fuzzy.packed_arrays import PackedArrays, floats_of, integers_of
+from omnidrive.fuzzy.packed_arrays import PackedArrays
 from omnidrive.fuzzy.reduction import type_reduce
 from omnidrive.fuzzy.sampled import (
     BISECTOR,
@@ -31,30 +31,20 @@ from omnidrive.fuzzy.spikes import (
     points_in,
     with_spikes,
 )
-from omnidrive.fuzzy.sugeno import FlatFunctions, sugeno_interval
+from omnidrive.fuzzy.sugeno import sugeno_interval
 from omnidrive.fuzzy.system_arrays import (
-    ALGORITHM,
-    FALLBACKS,
-    INPUT_POLICY,
-    LEVELS,
-    LOWER_SEGMENTS,
-    METHOD,
-    METHOD_ARRAYS,
-    NO_RULE_POLICY,
-    OPTIONS,
-    POINT_COUNT,
-    RANGES,
-    TRAPEZOIDS,
-    UNCERTAIN,
     Workspace,
     antecedents_in,
     arguments_in,
     centroids_in,
     consequents_in,
+    functions_in,
+    header_in,
     samples_in,
     segments_in,
     sets_in,
     spikes_in,
+    trapezoids_in,
     workspace_in,
     workspace_size,
 )
@@ -72,16 +62,16 @@ def check_inputs(p: PackedArrays, x: Float[Array, " inputs"]) -> int:
     Values that are not finite are refused under every policy. Without clamping to the range, they
     are clamped to the largest number of a system.
     """
-    ranges, options = floats_of(p, RANGES), integers_of(p, OPTIONS)
-    status = OK
+    header, status = header_in(p), OK
+    ranges, policy = header.ranges, header.options.out_of_range
     for i in range(len(x)):
         low, high = ranges[2 * i], ranges[2 * i + 1]
         if not np.isfinite(x[i]):
             return NOT_FINITE
         if x[i] < low or x[i] > high:
-            if options[INPUT_POLICY] == RAISE:
+            if policy == RAISE:
                 status = OUT_OF_RANGE
-            elif options[INPUT_POLICY] == CLAMP:
+            elif policy == CLAMP:
                 x[i] = min(max(x[i], low), high)
             else:
                 x[i] = min(max(x[i], -MAX_NUMBER), MAX_NUMBER)
@@ -91,7 +81,7 @@ def check_inputs(p: PackedArrays, x: Float[Array, " inputs"]) -> int:
 @compiled
 def compute_strengths(p: PackedArrays, workspace: Workspace, x: Float[Array, " inputs"]) -> None:
     """Fill in the lower and upper firing strength of every rule."""
-    fuzzify(sets_in(p), x, integers_of(p, OPTIONS)[UNCERTAIN] == 1, workspace.degrees)
+    fuzzify(sets_in(p), x, header_in(p).options.uncertain == 1, workspace.degrees)
     fire(antecedents_in(p), workspace.degrees, workspace.strengths)
 
 
@@ -110,19 +100,18 @@ def infer(
     status = check_inputs(p, x)
     if status != OK:
         return status
-    options = integers_of(p, OPTIONS)
+    header = header_in(p)
     compute_strengths(p, workspace, x)
-    if options[METHOD] == SAMPLED:
+    if header.options.method == SAMPLED:
         _infer_sampled(p, workspace, results)
-    elif options[METHOD] == EXACT:
+    elif header.options.method == EXACT:
         _infer_exact(p, workspace, results)
     else:
         _infer_averaged(p, workspace, x, results)
-    fallbacks = floats_of(p, FALLBACKS)
     for o in range(results.shape[1]):
         if np.isnan(results[1, o]):
-            results[0, o] = results[1, o] = results[2, o] = fallbacks[o]
-            status = NO_RULE if options[NO_RULE_POLICY] == RAISE else status
+            results[0, o] = results[1, o] = results[2, o] = header.fallbacks[o]
+            status = NO_RULE if header.options.no_rule == RAISE else status
         else:
             results[0, o] = 0.5 * (results[1, o] + results[2, o])
     return status
@@ -133,14 +122,14 @@ def _infer_sampled(
     p: PackedArrays, workspace: Workspace, results: Float[Array, "3 outputs"]
 ) -> None:
     """Fill in least and greatest of every output on samples; nan if no rule fires for it."""
-    c, s, options = consequents_in(p), samples_in(p), integers_of(p, OPTIONS)
-    uncertain, count, spikes = options[UNCERTAIN] == 1, options[POINT_COUNT], spikes_in(p)
+    c, s, options = consequents_in(p), samples_in(p), header_in(p).options
+    uncertain, count, spikes = options.uncertain == 1, options.points, spikes_in(p)
     size, heights, points = c.first[-1] * count, workspace.heights, workspace.points
     max_strengths(c, workspace.strengths, heights)
     for o in range(results.shape[1]):
         if only_spikes(spikes, heights[1], c.first[o], c.first[o + 1]):
             results[1, o], results[2, o] = defuzzify_spikes(
-                spikes, c, o, uncertain, options[ALGORITHM], workspace.strengths, heights
+                spikes, c, o, uncertain, options.algorithm, workspace.strengths, heights
             )
             continue
         for bound in range(0 if uncertain else 1, 2):
@@ -149,7 +138,7 @@ def _infer_sampled(
             aggregate_bound(c, o, strengths, heights[bound], degrees, points[bound])
         at = unsafe_slice(s.at, o * count, (o + 1) * count)
         if uncertain:
-            results[1, o], results[2, o] = type_reduce(options[ALGORITHM], at, points[0], points[1])
+            results[1, o], results[2, o] = type_reduce(options.algorithm, at, points[0], points[1])
         else:
             results[1, o] = results[2, o] = defuzzify_samples(c.defuzzifiers[o], at, points[1])
 
@@ -157,33 +146,32 @@ def _infer_sampled(
 @compiled
 def _infer_exact(p: PackedArrays, workspace: Workspace, results: Float[Array, "3 outputs"]) -> None:
     """Fill in least and greatest of every output on polylines; nan if no rule fires for it."""
-    c, options, heights = consequents_in(p), integers_of(p, OPTIONS), workspace.heights
-    ordered, corners = integers_of(p, TRAPEZOIDS), floats_of(p, TRAPEZOIDS + 1)
-    clips, spikes = c.implication[0] == MIN, spikes_in(p)
+    c, options, heights = consequents_in(p), header_in(p).options, workspace.heights
+    clips, spikes, trapezoids = c.implication[0] == MIN, spikes_in(p), trapezoids_in(p)
     max_strengths(c, workspace.strengths, heights)
     for o in range(results.shape[1]):
         first, last = c.first[o], c.first[o + 1]
         if only_spikes(spikes, heights[1], first, last):
             results[1, o], results[2, o] = defuzzify_spikes(
-                spikes, c, o, options[UNCERTAIN] == 1, options[ALGORITHM], workspace.strengths,
+                spikes, c, o, options.uncertain == 1, options.algorithm, workspace.strengths,
                 heights,
             )  # fmt: skip
             continue
-        if ordered[o] == 1:
+        if trapezoids.ordered[o] == 1:
             results[1, o] = results[2, o] = trapezoid_centroid(
-                corners, first, unsafe_slice(heights[1], first, last)
+                trapezoids.corners, first, unsafe_slice(heights[1], first, last)
             )
             continue
         high = aggregate_segments(
-            segments_in(p, METHOD_ARRAYS), o, clips, unsafe_slice(heights[1], first, last)
+            segments_in(p, False), o, clips, unsafe_slice(heights[1], first, last)
         )
         if high.shape[1] == 0:
             results[1, o] = np.nan
-        elif options[UNCERTAIN] == 1:
+        elif options.uncertain == 1:
             low = aggregate_segments(
-                segments_in(p, LOWER_SEGMENTS), o, clips, unsafe_slice(heights[0], first, last)
+                segments_in(p, True), o, clips, unsafe_slice(heights[0], first, last)
             )
-            results[1, o], results[2, o] = centroid_interval(options[ALGORITHM], low, high)
+            results[1, o], results[2, o] = centroid_interval(options.algorithm, low, high)
         else:
             if len(spikes.at) > 0 and c.defuzzifiers[o] not in (CENTROID, BISECTOR):
                 degrees = aggregate_spikes(spikes, c, o, workspace.strengths, heights)[1]
@@ -199,18 +187,17 @@ def _infer_averaged(
     results: Float[Array, "3 outputs"],
 ) -> None:
     """Fill in least and greatest of every output as means over rules; nan if no rule fires."""
-    c, options, weights = consequents_in(p), integers_of(p, OPTIONS), workspace.heights
+    c, options, weights = consequents_in(p), header_in(p).options, workspace.heights
     sum_strengths(c, workspace.strengths, weights)
     for o in range(results.shape[1]):
         first, last = c.first[o], c.first[o + 1]
-        if options[METHOD] == SUGENO:
+        if options.method == SUGENO:
             is_sum = c.defuzzifiers[o] == WTSUM
-            functions = FlatFunctions(floats_of(p, METHOD_ARRAYS))
             low, high = unsafe_slice(weights[0], first, last), unsafe_slice(weights[1], first, last)
-            ends = sugeno_interval(functions, first, is_sum, options[ALGORITHM], x, low, high)
+            ends = sugeno_interval(functions_in(p), first, is_sum, options.algorithm, x, low, high)
         else:
             ends = centre_of_sets(
-                centroids_in(p), first, last, options[ALGORITHM], weights, workspace.points
+                centroids_in(p), first, last, options.algorithm, weights, workspace.points
             )
         results[1, o], results[2, o] = ends
 
@@ -294,7 +281,7 @@ def infer_rows(
             uncounted(floats)[slices[k, 0] : slices[k, 1]],
             uncounted(integers)[slices[k, 2] : slices[k, 3]],
         )
-        levels += floats_of(p, LEVELS)[0]
+        levels += header_in(p).level
         buffer = np.empty(workspace_size(p) + inputs + 3 * outputs)
         status, row = _infer_slice(p, buffer, rows, k > 0, results)
         if status != OK:
@@ -317,7 +304,7 @@ def _infer_slice(
     Returns:
         A status and a row, as for :func:`infer_rows`.
     """
-    level, inputs, outputs = floats_of(p, LEVELS)[0], rows.shape[1], results.shape[2]
+    level, inputs, outputs = header_in(p).level, rows.shape[1], results.shape[2]
     x, each = arguments_in(p, buffer, inputs, outputs)
     workspace = workspace_in(p, buffer)
     for r in range(len(rows)):

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from jaxtyping import Float, Int
+import numpy as np
+from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled
+from omnidrive.compiled import compiled, inlined
 from omnidrive.compiled.views import unsafe_matrix, unsafe_slice
 from omnidrive.fuzzy.antecedents import Antecedents
 from omnidrive.fuzzy.centre_of_sets import Centroids
@@ -17,6 +18,25 @@ from omnidrive.fuzzy.sampled import Samples
 from omnidrive.fuzzy.segments import Segments
 from omnidrive.fuzzy.sets import FlatSets
 from omnidrive.fuzzy.spikes import Spikes
+from omnidrive.fuzzy.sugeno import FlatFunctions
+from omnidrive.fuzzy.trapezoid_centroid import Trapezoids
+
+
+class Options(NamedTuple):
+    """How a system is evaluated, as integers."""
+
+    method: int
+    """Method of defuzzification."""
+    uncertain: int
+    """Whether the degrees have a lower and an upper bound: 1 in a type-2 or type-3 system, or 0."""
+    algorithm: int
+    """Algorithm of type reduction, index in :data:`~omnidrive.choices.ALGORITHMS`."""
+    out_of_range: int
+    """Policy for inputs out of range."""
+    no_rule: int
+    """Policy if no rule fires."""
+    points: int
+    """Columns of :attr:`Workspace.points`."""
 
 
 class Header(NamedTuple):
@@ -26,13 +46,9 @@ class Header(NamedTuple):
     """Low and high of each input."""
     fallbacks: Float[Array, " outputs"]
     """Value of each output if no rule fires."""
-    levels: Float[Array, " 1"]
+    level: float
     """Weight of this z-slice in a system of type 3; 1 otherwise."""
-    options: Int[Array, " 6"]
-    """Integers at the positions :data:`METHOD` and its successors.
-
-    Method of defuzzification, whether the system is uncertain, algorithm of type reduction, policy
-    for inputs out of range, policy if no rule fires, columns of :attr:`Workspace.points`."""
+    options: Options
 
 
 class Workspace(NamedTuple):
@@ -48,18 +64,13 @@ class Workspace(NamedTuple):
     """Weights of the samples, or of the centroids, of one output."""
 
 
-RANGES, FALLBACKS, LEVELS, OPTIONS = range(4)
 _SETS = len(Header._fields)
 _ANTECEDENTS = _SETS + len(FlatSets._fields)
 _CONSEQUENTS = _ANTECEDENTS + len(Antecedents._fields)
 _SPIKES = _CONSEQUENTS + len(Consequents._fields)
-METHOD_ARRAYS = _SPIKES + len(Spikes._fields)
-"""Number of the first array that belongs to the method of defuzzification."""
-LOWER_SEGMENTS = METHOD_ARRAYS + len(Segments._fields)
-TRAPEZOIDS = LOWER_SEGMENTS + len(Segments._fields)
-
-METHOD, UNCERTAIN, ALGORITHM, INPUT_POLICY, NO_RULE_POLICY, POINT_COUNT = range(6)
-"""Positions within :attr:`Header.options`."""
+_METHOD = _SPIKES + len(Spikes._fields)  # of the arrays that belong to the method
+_LOWER_SEGMENTS = _METHOD + len(Segments._fields)
+_TRAPEZOIDS = _LOWER_SEGMENTS + len(Segments._fields)
 
 
 def arrays_of(
@@ -72,13 +83,24 @@ def arrays_of(
 ) -> list[Array]:
     """Return the arrays of a system in the order in which the kernels read them."""
     return [
-        *header,
+        header.ranges,
+        header.fallbacks,
+        np.array([header.level]),
+        np.array(header.options),
         *sets,
         *antecedents,
         *consequents,
         *spikes,
         *(a for each in method_arrays for a in each),
     ]
+
+
+@inlined
+def header_in(p: PackedArrays) -> Header:
+    """Return ranges, fallbacks and options of a packed system."""
+    o = integers_of(p, 3)
+    options = Options(o[0], o[1], o[2], o[3], o[4], o[5])
+    return Header(floats_of(p, 0), floats_of(p, 1), floats_of(p, 2)[0], options)
 
 
 @compiled
@@ -128,12 +150,13 @@ def spikes_in(p: PackedArrays) -> Spikes:
 @compiled
 def samples_in(p: PackedArrays) -> Samples:
     """Return the samples of the outputs of a packed system."""
-    return Samples(floats_of(p, METHOD_ARRAYS), floats_of(p, METHOD_ARRAYS + 1))
+    return Samples(floats_of(p, _METHOD), floats_of(p, _METHOD + 1))
 
 
 @compiled
-def segments_in(p: PackedArrays, begin: int) -> Segments:
+def segments_in(p: PackedArrays, of_lower: bool) -> Segments:
     """Return the segments of the outputs of a packed system, upper or lower ones."""
+    begin = _LOWER_SEGMENTS if of_lower else _METHOD
     return Segments(
         integers_of(p, begin),
         floats_of(p, begin + 1),
@@ -144,13 +167,25 @@ def segments_in(p: PackedArrays, begin: int) -> Segments:
 
 
 @compiled
+def trapezoids_in(p: PackedArrays) -> Trapezoids:
+    """Return the trapezoids of the outputs of a packed system."""
+    return Trapezoids(integers_of(p, _TRAPEZOIDS), floats_of(p, _TRAPEZOIDS + 1))
+
+
+@compiled
+def functions_in(p: PackedArrays) -> FlatFunctions:
+    """Return the linear functions of the consequents of a packed system."""
+    return FlatFunctions(floats_of(p, _METHOD))
+
+
+@compiled
 def centroids_in(p: PackedArrays) -> Centroids:
     """Return the centroids of the consequents of a packed system."""
     return Centroids(
-        floats_of(p, METHOD_ARRAYS),
-        integers_of(p, METHOD_ARRAYS + 1),
-        floats_of(p, METHOD_ARRAYS + 2),
-        integers_of(p, METHOD_ARRAYS + 3),
+        floats_of(p, _METHOD),
+        integers_of(p, _METHOD + 1),
+        floats_of(p, _METHOD + 2),
+        integers_of(p, _METHOD + 3),
     )
 
 
@@ -159,7 +194,7 @@ def _sizes(p: PackedArrays) -> tuple[int, int, int, int]:
     """Return the number of columns of each array of :class:`Workspace`."""
     sets, nodes = len(integers_of(p, _SETS + 4)), len(integers_of(p, _ANTECEDENTS + 3))
     rules, consequents = len(floats_of(p, _ANTECEDENTS + 4)), integers_of(p, _CONSEQUENTS + 1)[-1]
-    return sets + nodes, rules, consequents, integers_of(p, OPTIONS)[POINT_COUNT]
+    return sets + nodes, rules, consequents, header_in(p).options.points
 
 
 @compiled
