@@ -71,7 +71,8 @@ def match_scan(
     points = points[:: -(-len(points) // MAX_RAYS)] if len(points) else points
     if len(points) < _MIN_RAYS or not grid.occupied.any():
         return None
-    weight = np.diag([sigmas[0] ** -2, sigmas[0] ** -2, sigmas[1] ** -2])
+    position, yaw = sigmas
+    weight = np.diag([position**-2, position**-2, yaw**-2])
     expected = np.array(prior)
     pose = expected.copy()
     information = weight
@@ -88,9 +89,8 @@ def match_scan(
     covariance = np.linalg.inv(information)
     floor = grid.resolution / sqrt(12.0)
     largest = float(np.linalg.eigvalsh(covariance[:2, :2])[-1])
-    x, y, yaw = pose.tolist()
     return ScanMatch(
-        Pose(x, y, yaw), hypot(sqrt(largest), floor), sqrt(float(covariance[2, 2])), share
+        Pose(*pose.tolist()), hypot(sqrt(largest), floor), sqrt(float(covariance[2, 2])), share
     )
 
 
@@ -139,7 +139,8 @@ def scan_points(
         motion: Time from one ray to the next, s, and the body twist in this time (B; m/s, m/s,
             rad/s), of second order in the angle.
     """
-    hits = np.isfinite(ranges) & (ranges > limits[0]) & (ranges < limits[1])
+    least, greatest = limits
+    hits = np.isfinite(ranges) & (ranges > least) & (ranges < greatest)
     which = np.flatnonzero(hits)
     angles = mount.yaw + first + increment * which
     x = mount.x + ranges[which] * np.cos(angles)

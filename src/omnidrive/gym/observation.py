@@ -56,7 +56,8 @@ class ObservationModel:
         ahead = self.reference.window(t, self.preview + 1, self.dt)
         c, s = cos(pose.yaw), sin(pose.yaw)
         to_body = np.array([[c, -s], [s, c]])  # for row vectors
-        scale = self.max_error[0] + self.top_speed * self.dt * np.arange(self.preview + 1)
+        farthest, _ = self.max_error
+        scale = farthest + self.top_speed * self.dt * np.arange(self.preview + 1)
         positions = (ahead[:, :2] - [pose.x, pose.y]) @ to_body / scale[:, None]
         headings = wrap(ahead[:, 2] - pose.yaw) / np.pi
         poses = np.column_stack([positions, headings])

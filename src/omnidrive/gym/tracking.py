@@ -174,12 +174,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         if not failed:
             self._update_estimate(state)
         distance, heading = self._error()
-        lost = failed or distance > self._max_error[0] or heading > self._max_error[1]
-        cost = (
-            2.0
-            if lost
-            else (distance / self._max_error[0]) ** 2 + (heading / self._max_error[1]) ** 2
-        )
+        farthest, most_turned = self._max_error
+        lost = failed or distance > farthest or heading > most_turned
+        cost = 2.0 if lost else (distance / farthest) ** 2 + (heading / most_turned) ** 2
         cost += self._smoothness_weight * float(((self._action - before) ** 2).sum())
         if lost:
             cost += 2.0 * (self._last - self._k)

@@ -43,7 +43,8 @@ class PoseFixes:
     def reset(self, pose: Pose) -> None:
         """Start at ``pose`` with zero bias and a random bias rate; the generators continue."""
         self._count, self._previous, self._in_transit = 0, (-inf, pose), []
-        sigma = self.settings.bias_sigma / self.settings.bias_dynamics[0]
+        time, _ = self.settings.bias_dynamics
+        sigma = self.settings.bias_sigma / time
         self._bias = np.array([np.zeros(3), sigma * self.event_rng.standard_normal(3)])
 
     def read(self, t: float, pose: Pose, *, silent: bool = False) -> tuple[PoseFix, ...]:

@@ -84,12 +84,13 @@ def compensate(  # noqa: PLR0917
         )
         commanded = _saturate(model, commanded)
     else:
-        for k in range(corrections[0]):
+        translations, rotations = corrections
+        for k in range(translations):
             mean, _ = slip_response(model, initial, commanded, dt)
             commanded = (
                 commanded[0] + desired[0] - mean[0],
                 commanded[1] + desired[1] - mean[1],
-                commanded[2] + (desired[2] - mean[2] if k < corrections[1] else 0.0),
+                commanded[2] + (desired[2] - mean[2] if k < rotations else 0.0),
             )
             commanded = _saturate(model, commanded)
     if may_spin:
