@@ -1,6 +1,7 @@
 """The command line in a separate process."""
 
 import atexit
+import gc
 import json
 import os
 import signal
@@ -55,10 +56,17 @@ def _server():
 def _serve():
     """Run one command for each line of the standard input, and answer with its exit status."""
     from omnidrive.evaluation import study_report
+    from omnidrive.scenario import paper_scenario, plan_and_check
 
-    for module in ("studies.compare", "main", "studies.results"):
-        import_module(f"omnidrive.cli.{module}")
+    for module in (
+        "omnidrive.cli.main", "omnidrive.cli.progress", "omnidrive.cli.studies.compare",
+        "omnidrive.cli.studies.results", "omnidrive.deploy.log", "omnidrive.study.stored_study",
+        "pandas",
+    ):  # fmt: skip
+        import_module(module)
+    plan_and_check(paper_scenario())  # loads the kernels, without a thread
     study_report.write_figures = lambda *_: ()
+    gc.freeze()  # otherwise the end of a fork copies and visits all objects: 1.5 s
     for line in sys.stdin:
         process = os.fork()
         if process == 0:
