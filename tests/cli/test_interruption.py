@@ -31,7 +31,7 @@ os.execv(sys.executable, [sys.executable, "-c", code, *sys.argv[1:]])
 """
 
 MANY_RUNS = [
-    "compare", "--out", "cut", "--jobs", "2", "--plant", "mujoco-balls",
+    "compare", "--out", "cut", "--jobs", "2", "--plant", "mujoco-balls", "--figures", "none",
     "--controllers", "feedforward", "--tasks", "noise", "--noise-seeds", "200",
 ]  # fmt: skip
 """A study with a first result soon and many runs."""
@@ -119,7 +119,7 @@ def interrupt(process, number):
     "number",
     [
         signal.SIGTERM,
-        signal.SIGKILL,
+        pytest.param(signal.SIGKILL, marks=pytest.mark.long),
         pytest.param(signal.SIGINT, marks=pytest.mark.long),
         pytest.param(signal.SIGHUP, marks=pytest.mark.long),
     ],
@@ -140,12 +140,14 @@ def test_workers_end_with_the_command_and_results_are_kept(tmp_path, number):
     assert check_readable(tmp_path / "cut")
 
 
+@pytest.mark.long
 def test_closed_terminal_ends_without_traceback(tmp_path):
     with command(tmp_path) as process:
         wait_for(lambda: workers(process.pid))
         interrupt(process, signal.SIGHUP)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("delay", [0.0, 0.8])
 def test_ctrl_c_during_worker_start_ends_without_traceback(tmp_path, delay):
     with command(tmp_path) as process:
@@ -160,6 +162,7 @@ def test_ctrl_c_before_worker_start_ends_without_traceback(tmp_path):
         interrupt(process, signal.SIGINT)
 
 
+@pytest.mark.long
 def test_second_ctrl_c_ends_at_once(tmp_path):
     with command(tmp_path) as process:
         wait_for(lambda: has_results(tmp_path / "cut"))
@@ -258,10 +261,10 @@ def signal_once(folder, seed, cold_cache):
     return f"{what}; {runs} runs{' (too late)' if late or ended_itself else ''}"
 
 
-@pytest.mark.parametrize("count", [3, pytest.param(300, marks=pytest.mark.long)])
-def test_signals_at_random_moments_of_every_phase(tmp_path, count):
+@pytest.mark.long
+def test_signals_at_random_moments_of_every_phase(tmp_path):
     """Right exit status, no process left, every finished run readable."""
-    for seed in range(2_026_000, 2_026_000 + count):
+    for seed in range(2_026_000, 2_026_300):
         folder, cold_cache = tmp_path / str(seed), tmp_path / "cache" / str(seed)
         folder.mkdir()
         print(signal_once(folder, seed, cold_cache))  # shown by -s

@@ -33,7 +33,7 @@ from omnidrive.compiled import compiled
 
 @compiled
 def total(x):
-    return np.sort(x).sum() + np.median(x) - 1.0
+    return np.sort(x).sum() + 1.0
 
 print(total(np.array([1.0, 2.0, 2.0])), len(total.stats.cache_misses))
 """
