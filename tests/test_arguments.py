@@ -20,6 +20,8 @@ from importlib import import_module
 from types import FunctionType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
+import pytest
+
 import omnidrive
 from omnidrive.control.pid import gain_tuning_system
 from omnidrive.control.pid.rules import paper_rules
@@ -31,6 +33,9 @@ EXTRAS = {"omnidrive.cli", "omnidrive.gym"}
 SYSTEM = gain_tuning_system(paper_rules())
 OTHERS: dict[str, dict[str, Any]] = {
     "omnidrive.film": {"path": "a.gif"},
+    "omnidrive.run_study": {
+        "study": omnidrive.paper_scenario().with_values(tasks={"track": {"durations": [1.0]}})
+    },
     "omnidrive.MujocoPlant": {"robot": omnidrive.named_robot("small")},
     "omnidrive.fuzzy.FuzzySystem": {
         each.name: getattr(SYSTEM, each.name) for each in fields(SYSTEM)
@@ -40,7 +45,7 @@ OTHERS: dict[str, dict[str, Any]] = {
         each.name: getattr(SYSTEM.outputs[0], each.name) for each in fields(SYSTEM.outputs[0])
     },
 }
-"""Arguments that a function needs before it can check a name."""
+"""Arguments that a function needs before it can check a name or a path."""
 
 
 class Asked:
@@ -160,31 +165,33 @@ def unread_paths() -> tuple[int, list[str]]:
             with tempfile.TemporaryDirectory() as folder:
                 path = Asked(folder)
                 with suppress(Exception):
-                    call(function, owner, **{argument: path})
+                    call(function, owner, **(OTHERS.get(where, {}) | {argument: path}))
             if not path.asked or str not in classes or os.PathLike not in classes:
                 unread.append(f"{where}({argument}=)")
     return count, unread
 
 
-def found_by(check: str) -> tuple[int, list[str]]:
+@pytest.fixture(scope="module")
+def found() -> dict[str, tuple[int, list[str]]]:
+    """Return what the program below finds."""
     done = subprocess.run(
-        [sys.executable, __file__, check], capture_output=True, text=True, check=False, timeout=300
+        [sys.executable, __file__], capture_output=True, text=True, check=False, timeout=300
     )
     assert done.returncode == 0, done.stderr
-    return tuple(json.loads(done.stdout.splitlines()[-1]))
+    return json.loads(done.stdout.splitlines()[-1])
 
 
-def test_unknown_names_are_errors_with_the_nearest_name():
-    count, unchecked = found_by("names")
+def test_unknown_names_are_errors_with_the_nearest_name(found):
+    count, unchecked = found["names"]
     assert unchecked == []
     assert count >= 20
 
 
-def test_paths_are_str_or_path():
-    count, unread = found_by("paths")
+def test_paths_are_str_or_path(found):
+    count, unread = found["paths"]
     assert unread == []
     assert count >= 20
 
 
 if __name__ == "__main__":
-    print(json.dumps(unchecked_names() if sys.argv[1] == "names" else unread_paths()))
+    print(json.dumps({"paths": unread_paths(), "names": unchecked_names()}))
