@@ -1,5 +1,6 @@
 """Examples, exported names and lock files."""
 
+import json
 import os
 import re
 import subprocess
@@ -13,6 +14,21 @@ import omnidrive
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+
+
+LONG = {"compare", "film", "learn"}
+RUN_ALL = """
+import contextlib, io, json, pathlib, runpy, sys, traceback
+printed = {}
+for path in sys.argv[1:]:
+    with contextlib.redirect_stdout(io.StringIO()) as text:
+        try:
+            runpy.run_path(path, run_name="__main__")
+        except Exception:
+            traceback.print_exc(file=sys.stdout)
+    printed[pathlib.Path(path).stem] = text.getvalue()
+print(json.dumps(printed))
+"""
 
 
 def run(*args, cwd):
@@ -29,19 +45,24 @@ def run(*args, cwd):
     return done.stdout
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_examples_run(example, tmp_path):
+def test_example_runs_in_a_process_of_its_own(example, tmp_path):
     assert run(example, cwd=tmp_path).strip()
 
 
-def test_own_controller_turns_the_shorter_way(tmp_path):
-    """To a heading of 6.0 rad, by -0.28 rad."""
-    assert "turned by -0.28 rad" in run(ROOT / "examples" / "own_controller.py", cwd=tmp_path)
-
-
-def test_example_of_wheel_torques_follows_its_reference(tmp_path):
-    printed = run(ROOT / "examples" / "wheel_torque_control.py", cwd=tmp_path)
-    assert float(re.search(r"mean ([\d.]+) mm", printed)[1]) < 2.0
+def test_short_examples_run(tmp_path):
+    """In one process: to import the package takes longer than most of them."""
+    short = [path for path in EXAMPLES if path.stem not in LONG]
+    printed = json.loads(run("-c", RUN_ALL, *short, cwd=tmp_path))
+    assert len(printed) == len(short) >= 4
+    for name, text in printed.items():
+        assert text.strip(), name
+        assert "Traceback" not in text, text
+    # to a heading of 6.0 rad, the shorter way
+    assert "turned by -0.28 rad" in printed["own_controller"]
+    error = re.search(r"mean ([\d.]+) mm", printed["wheel_torque_control"])
+    assert float(error[1]) < 2.0
 
 
 def test_every_verb_has_an_example():
