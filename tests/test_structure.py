@@ -1,6 +1,7 @@
 """Structure of the package: no import circles, no long functions, one writer of files."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import omnidrive
@@ -18,10 +19,16 @@ def module(path):
 MODULES = {module(path): path for path in FILES}
 
 
+@cache
+def nodes(path):
+    """Return the nodes of the syntax tree of a file."""
+    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
 def imported(path):
     """Modules of the package that a file imports when it is loaded; also for types only."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.ImportFrom) and node.module:
             for alias in node.names:
                 full = f"{node.module}.{alias.name}"
@@ -54,7 +61,7 @@ def test_functions_are_short():
     long = {
         f"{path.relative_to(ROOT)}:{node.lineno} {node.name}": length
         for path in FILES
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in nodes(path)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
         and (length := node.end_lineno - node.lineno + 1) > MAX_LINES
     }
@@ -95,7 +102,7 @@ def test_outputs_are_written_by_one_writer():
     found = {
         str(path.relative_to(ROOT)): ast.unparse(node)[:60]
         for path in FILES
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in nodes(path)
         if isinstance(node, ast.Call) and writes_elsewhere(node)
     }
     assert found.keys() == WRITERS.keys(), found

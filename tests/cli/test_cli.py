@@ -19,7 +19,7 @@ from tests.command import omnidrive
 from tests.shared_data import shared
 
 ONE_PROCESS = ["--plant", "kinematic", "--jobs", "1"]  # starting workers takes longer than the runs
-QUICK = [*ONE_PROCESS, "--controllers", "holonomic-nmpc", "--tasks", "track"]
+QUICK = [*ONE_PROCESS, "--controllers", "feedforward", "--tasks", "track"]
 
 
 def test_compare_prints_tables_and_folder(tmp_path):
@@ -136,7 +136,7 @@ def test_plan_and_run(tmp_path):
     assert rows[1].startswith("t_s,x_m,y_m,yaw_rad")
     assert len(rows) == 203
     ran = omnidrive("run", "--controller", "unicycle-nmpc", "--horizon", "8",
-                    "--plant", "kinematic", cwd=tmp_path)  # fmt: skip
+                    "--plant", "kinematic", "--figures", "none", cwd=tmp_path)  # fmt: skip
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.splitlines()[-1].startswith("results: runs/paper-unicycle-nmpc-track-")
 
@@ -286,16 +286,14 @@ def test_assumed_radius_of_published_code_depends_on_preset(tmp_path, args, arm)
 
 def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
     code = (
-        "import sys, omnidrive.control.nmpc.holonomic.controller as f, omnidrive.control as c\n"
-        "import omnidrive.evaluation.study_report as s\n"
-        "s.write_figures = lambda *_: ()\n"
-        "real = f.HolonomicController.step\n"
+        "import sys, omnidrive.control as c\n"
+        "real = c.FeedforwardController.step\n"
         "def step(self, t, state, reference):\n"
         "    command = real(self, t, state, reference)\n"
         "    return command if t < 3 else command._replace(status=c.Status.FAILED)\n"
-        "f.HolonomicController.step = step\n"
+        "c.FeedforwardController.step = step\n"
         "from omnidrive.cli import main\n"
-        f"sys.argv[1:] = ['compare', *{QUICK}, '--out', 'failed']\n"
+        f"sys.argv[1:] = ['compare', *{QUICK}, '--figures', 'none', '--out', 'failed']\n"
         "main()\n"
     )
     done = subprocess.run(
@@ -303,8 +301,8 @@ def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 1
-    assert "stopped early: track-holonomic-nmpc-20s (at 3 s: " in " ".join(done.stderr.split())
-    assert "holonomic-nmpc (stopped at 3 s)" in done.stdout
+    assert "stopped early: track-feedforward-20s (at 3 s: " in " ".join(done.stderr.split())
+    assert "feedforward (stopped at 3 s)" in done.stdout
     assert "0.00" not in done.stdout.split("ME:")[0]
     runs = json.loads((tmp_path / "failed" / "results.json").read_text())["runs"]
     assert [run["finished"] for run in runs] == [False, False]

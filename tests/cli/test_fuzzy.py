@@ -4,11 +4,8 @@ import json
 import logging
 import os
 import re
-import shlex
-import subprocess
 import sys
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +25,7 @@ from omnidrive.fuzzy import (
     save,
 )
 from omnidrive.fuzzy.csv_rows import evaluate_csv
+from tests.command import omnidrive
 from tests.shared_data import shared
 
 
@@ -94,11 +92,7 @@ def write(text, name="in.csv"):
 
 
 def test_installed_command(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "omnidrive", "fuzzy", "show", "no.fis"],
-        cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False,
-        env={**os.environ, "COLUMNS": "200"},
-    )  # fmt: skip
+    done = omnidrive("fuzzy", "show", "no.fis", cwd=tmp_path)
     assert done.returncode == 2
     assert "cannot read the fuzzy system no.fis: No such file" in done.stderr
     assert "Traceback" not in done.stderr
@@ -459,18 +453,3 @@ def test_help_has_example(fuzzy, verb):
     status, out, _ = fuzzy(verb, "--help")
     assert status == 0
     assert f"omnidrive fuzzy {verb} tipper.fis" in out
-
-
-def test_guide_examples_run(fuzzy, tmp_path):
-    guide = (Path(__file__).resolve().parents[2] / "docs" / "fuzzy.md").read_text(encoding="utf-8")
-    code = "".join(re.findall(r"```python\n(.*?)```", guide, re.DOTALL))
-    exec(compile(code, "fuzzy.md", "exec"), {})
-    assert {"service.png", "surface.png", "rules.png"} <= set(os.listdir())
-    write("food,service\n8,3\n", "inputs.csv")
-    shell = "".join(re.findall(r"```sh\n(.*?)```", guide, re.DOTALL))
-    commands = re.findall(r"^omnidrive fuzzy (.*?)(?: +#.*)?$", shell, re.MULTILINE)
-    assert {command.split()[0] for command in commands} == {"show", "convert", "eval"}
-    for command in commands:
-        assert fuzzy(*shlex.split(command))[0] == 0, command
-    value = Inference(load("tipper.fis"))(3.0, 8.0)
-    assert (table("outputs.csv") == value).all()

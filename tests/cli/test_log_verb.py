@@ -42,7 +42,7 @@ def test_run_folder_stands_for_its_log(folder):
     made, result = folder
     shown = omnidrive("log", "show", ".", cwd=made)
     assert shown.stdout == omnidrive("log", "show", "log.mcap", cwd=made).stdout
-    compared = omnidrive("log", "compare", ".", str(made), "--json", cwd=made)
+    compared = omnidrive("log", "compare", ".", "log.mcap", "--json", cwd=made)
     assert compared.returncode == 0, compared.stderr
     identified = omnidrive("robot", "identify", ".", "--robot", "small", "--json", cwd=made)
     assert json.loads(identified.stdout)["wheel radius"]["reason"].startswith("the log has ")

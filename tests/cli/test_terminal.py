@@ -45,6 +45,7 @@ def test_every_verb_has_the_option_quiet(verb):
 
 def test_quiet_prints_only_the_folder(command, tmp_path):
     study = ["compare", "--plant", "kinematic", "--tasks", "step", "--jobs", "1"]
+    study += ["--figures", "none"]
     status, out, err = command(*study, "--controllers", "feedforward", "--out", "here", "--quiet")
     assert (status, err) == (0, "")
     assert out == "results: here (open here/report.html)\n"

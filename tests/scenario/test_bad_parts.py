@@ -329,7 +329,8 @@ WITH_STEP = Tasks(track=TASKS.track, step=StepTask(displacement=(1.0, 1.0, 0.5),
 def test_failed_runs_are_in_results_and_report(tmp_path):
     bad = {"at-a-step": raising(ZeroDivisionError("in my law")), "at-reset": FailsAtReset}
     controllers = {"feedforward": "feedforward", **bad}
-    study = run_study(small_scenario(controllers=controllers, tasks=WITH_STEP), tmp_path / "out")
+    scenario = small_scenario(controllers=controllers, tasks=WITH_STEP)
+    study = run_study(scenario, tmp_path / "out", figures=())
     content = (tmp_path / "out" / "results.json").read_text()
     data = json.loads(content, parse_constant=pytest.fail)  # such as NaN
     found = {record["controller"]: record for record in data["runs"]}

@@ -122,7 +122,7 @@ def test_three_and_four_wheel_robots_follow_the_path_of_the_paper(name):
 
 def test_collision_with_a_disc_on_the_path_is_reported(tmp_path):
     disc_on_path = MapSection(source="paper", margin=0.0, moving=(MovingSection(**DISC),))
-    study = run_study(scenario(map=disc_on_path), tmp_path / "out")
+    study = run_study(scenario(map=disc_on_path), tmp_path / "out", figures=())
     ((record, log),) = study.logs.runs
     count = int(log.collisions[-1])
     assert study.collisions == {record.name: count}

@@ -364,7 +364,8 @@ class PythonLaw:
 
 def test_class_is_a_controller_in_worker_processes_too():
     controllers = {"mine": PythonLaw, "slow": {"type": PythonLaw, "position": 0.5}}
-    scenario = small_scenario(controllers=controllers)
+    tasks = Tasks(track=DurationsTask(durations=(20.0,)))
+    scenario = small_scenario(controllers=controllers, tasks=tasks)
     one, two = (run_study(scenario, processes=count).records for count in (1, 2))
     assert [record.controller for record in one][:2] == ["mine", "slow"]
     assert [repr(r.metrics) for r in one] == [repr(r.metrics) for r in two]
