@@ -18,23 +18,23 @@ _TIMEOUT = 300  # s
 def omnidrive(*args, cwd, **env):
     """Run `omnidrive` with arguments; return its status and output.
 
-    Without further environment variables the process is a fork of one that has imported the
+    Without environment variables but COLUMNS the process is a fork of one that has imported the
     package, and studies draw no figures: both take longer than most commands.
     """
     words = ["omnidrive", *map(str, args)]
-    if not env:
-        return _forked(words, cwd)
+    if not env.keys() - {"COLUMNS"}:
+        return _forked(words, cwd, env.get("COLUMNS", "200"))
     return subprocess.run(
         [sys.executable, "-m", *words], cwd=cwd, capture_output=True, text=True, timeout=_TIMEOUT,
         check=False, env={**os.environ, "COLUMNS": "200", **env},
     )  # fmt: skip
 
 
-def _forked(words, cwd):
+def _forked(words, cwd, columns):
     with TemporaryDirectory() as folder:
         files = [str(Path(folder, name)) for name in ("stdout", "stderr")]
         server = _server()
-        print(json.dumps([words, str(cwd), *files]), file=server.stdin, flush=True)
+        print(json.dumps([words, str(cwd), columns, *files]), file=server.stdin, flush=True)
         status = json.loads(server.stdout.readline())
         output = [Path(file).read_text(encoding="utf-8") for file in files]
     return subprocess.CompletedProcess(words, status, *output)
@@ -45,8 +45,7 @@ def _server():
     """Return the process that runs commands in forks of itself."""
     server = subprocess.Popen(
         [sys.executable, "-m", "tests.command"], cwd=Path(__file__).parents[1],
-        env={**os.environ, "COLUMNS": "200"}, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-        text=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     atexit.register(server.wait)
     atexit.register(server.stdin.close)
@@ -75,12 +74,13 @@ def _serve():
         print(os.waitstatus_to_exitcode(status), flush=True)
 
 
-def _run(words, cwd, stdout, stderr):
+def _run(words, cwd, columns, stdout, stderr):
     """Run a command in this process, which ends with it."""
     from omnidrive.cli.main import main
 
     signal.alarm(_TIMEOUT)
     os.chdir(cwd)
+    os.environ["COLUMNS"] = columns
     for number, path in enumerate((os.devnull, stdout, stderr)):
         os.dup2(os.open(path, os.O_RDWR | os.O_CREAT), number)
     sys.argv = words

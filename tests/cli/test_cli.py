@@ -10,6 +10,7 @@ import yaml
 
 from omnidrive.cli.components import with_controllers
 from omnidrive.cli.scenario_options import ScenarioOptions
+from omnidrive.control import FeedforwardController, Status
 from omnidrive.errors import InvalidInput, InvalidScenario
 from omnidrive.robot import load_robot
 from omnidrive.scenario import load_scenario, paper_scenario, save_scenario
@@ -250,15 +251,12 @@ def test_code_in_a_scenario_file_needs_permission(tmp_path):
     assert list(ScenarioOptions(str(tmp_path / "s.yaml"), allow_code=True).resolve().controllers)
 
 
-def test_internal_error_has_status_1_and_no_traceback(tmp_path):
-    broken = "import omnidrive.study as s; s.run_study = lambda *a, **k: 1 / 0; "
-    code = broken + "from omnidrive.cli import main; import sys; sys.argv[1:] = ['compare']; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 1
-    assert "internal error of omnidrive" in done.stderr
-    assert "Traceback" not in done.stderr
+def test_internal_error_has_status_1_and_no_traceback(command, monkeypatch):
+    monkeypatch.setattr("omnidrive.study.run_study", lambda *_, **__: 1 / 0)
+    status, _, errors = command("compare")
+    assert status == 1
+    assert "internal error of omnidrive" in errors
+    assert "Traceback" not in errors
 
 
 ASSUMED_ARMS = [
@@ -284,26 +282,19 @@ def test_assumed_radius_of_published_code_depends_on_preset(tmp_path, args, arm)
     assert ScenarioOptions(scenario, **named).resolve().robot.assumed_effective_radius == arm
 
 
-def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
-    code = (
-        "import sys, omnidrive.control as c\n"
-        "real = c.FeedforwardController.step\n"
-        "def step(self, t, state, reference):\n"
-        "    command = real(self, t, state, reference)\n"
-        "    return command if t < 3 else command._replace(status=c.Status.FAILED)\n"
-        "c.FeedforwardController.step = step\n"
-        "from omnidrive.cli import main\n"
-        f"sys.argv[1:] = ['compare', *{QUICK}, '--figures', 'none', '--out', 'failed']\n"
-        "main()\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 1
-    assert "stopped early: track-feedforward-20s (at 3 s: " in " ".join(done.stderr.split())
-    assert "feedforward (stopped at 3 s)" in done.stdout
-    assert "0.00" not in done.stdout.split("ME:")[0]
+def test_failed_run_has_no_error_metrics_and_status_1(command, monkeypatch, tmp_path):
+    real = FeedforwardController.step
+
+    def step(self, t, state, reference):
+        found = real(self, t, state, reference)
+        return found if t < 3 else found._replace(status=Status.FAILED)
+
+    monkeypatch.setattr(FeedforwardController, "step", step)
+    status, out, errors = command("compare", *QUICK, "--figures", "none", "--out", "failed")
+    assert status == 1
+    assert "stopped early: track-feedforward-20s (at 3 s: " in " ".join(errors.split())
+    assert "feedforward (stopped at 3 s)" in out
+    assert "0.00" not in out.split("ME:")[0]
     runs = json.loads((tmp_path / "failed" / "results.json").read_text())["runs"]
     assert [run["finished"] for run in runs] == [False, False]
 
@@ -312,7 +303,7 @@ def test_failed_run_has_no_error_metrics_and_status_1(tmp_path):
 def test_output_to_full_disk_is_reported(tmp_path):
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "omnidrive", "plan"],
+            [sys.executable, "-m", "omnidrive", "list", "plants"],
             cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
         )  # fmt: skip
     assert done.returncode == 2

@@ -10,30 +10,13 @@ from unittest.mock import Mock
 import pytest
 
 from omnidrive.cli import terminal
-from omnidrive.cli.main import VERBS, load_verb, main
+from omnidrive.cli.main import VERBS, load_verb
 from omnidrive.cli.progress import LiveProgress, _Steps
 from omnidrive.compiled.compilation import reported
 from omnidrive.control.supervision import Event
 from omnidrive.deploy.drive_state import EVENT
 from omnidrive.errors import InvalidInput
 from omnidrive.study import Study
-
-
-@pytest.fixture
-def command(monkeypatch, capsys, tmp_path, restored_handlers):
-    """Run the command in this process; return its status, standard output and standard error."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr(terminal._Output, "noted", set())
-
-    def run(*args):
-        monkeypatch.setattr("sys.argv", ["omnidrive", *map(str, args)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return ended.value.code, *capsys.readouterr()
-
-    yield run
-    terminal._set_quiet(False)
 
 
 @pytest.mark.parametrize("verb", VERBS)
