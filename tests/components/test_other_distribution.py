@@ -122,7 +122,7 @@ def test_components_of_every_group_take_part_in_a_study(environment, tmp_path):
         "tasks": {"track": {"durations": [20.0]}},
     }
     (tmp_path / "s.yaml").write_text(yaml.safe_dump(data))
-    done = omnidrive(environment, tmp_path, "compare", "s.yaml", "--jobs", "2", "--out", "out")
+    done = omnidrive(environment, tmp_path, "compare", "s.yaml", "--jobs", "1", "--out", "out")
     assert done.returncode == 0, done.stderr
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     theirs, ours = results["runs"]
@@ -132,15 +132,22 @@ def test_components_of_every_group_take_part_in_a_study(environment, tmp_path):
     assert origins["controllers"]["theirs"] == "their-parts 1.2"
 
 
-def test_components_are_listed(environment, tmp_path):
+def test_components_are_listed_and_a_plant_that_raises_is_named_with_the_line(
+    environment, tmp_path
+):
     code = """
 from omnidrive.components import GROUPS, component_names, find_component
 for group in GROUPS:
     for name in component_names(group):
         print(group, name, find_component(group, name).origin, sep="|")
 """
+    code += "import sys; sys.argv[1:] = ['run', '--plant', 'broken', '--controller', 'pid']\n"
+    code += "from omnidrive.cli import main; main()"
     done = run_python(environment, tmp_path, "-c", code)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 2
+    assert "the plant 'broken' (their-parts 1.2) failed:" in done.stderr
+    assert "their_parts.py" in done.stderr
+    assert "KeyError: 'gain'" in done.stderr
     theirs = {line.split("|")[0]: line for line in done.stdout.split("\n") if "their-parts" in line}
     assert set(theirs) == set(GROUPS)
     assert theirs["maps"] == "maps|.grid|their-parts 1.2"
@@ -160,11 +167,3 @@ def test_factory_that_raises_ends_its_run_only(environment, tmp_path):
     assert {row["controller"]: row["finished"] for row in axes} == {
         "broken": False, "feedforward": True,
     }  # fmt: skip
-
-
-def test_plant_that_raises_is_named_with_the_line(environment, tmp_path):
-    done = omnidrive(environment, tmp_path, "run", "--plant", "broken", "--controller", "pid")
-    assert done.returncode == 2
-    assert "the plant 'broken' (their-parts 1.2) failed:" in done.stderr
-    assert "their_parts.py" in done.stderr
-    assert "KeyError: 'gain'" in done.stderr

@@ -8,6 +8,7 @@ its standard input, and answers each with one line.
 from __future__ import annotations
 
 import contextlib
+import gc
 import io
 import json
 import os
@@ -213,6 +214,8 @@ def _run_blocks(page: Path, folder: Path, *, is_long: bool) -> str:
 if __name__ == "__main__":
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what pages print does not mix with the answers
+    gc.freeze()
+    gc.set_threshold(100_000)  # after 700 objects: a third of the time
     for line in sys.stdin:
         page, folder, is_long = json.loads(line)
         answer = run_page(Path(page), Path(folder), is_long=is_long)
