@@ -220,3 +220,4 @@ if __name__ == "__main__":
         page, folder, is_long = json.loads(line)
         answer = run_page(Path(page), Path(folder), is_long=is_long)
         print(json.dumps(answer), file=answers, flush=True)
+    os._exit(0)  # to free all objects takes seconds
