@@ -306,7 +306,7 @@ print(*(bool(f.signatures) for f in (
 """
 
 
-@pytest.mark.parametrize("horizon", [1, 15])
+@pytest.mark.parametrize("horizon", [pytest.param(1, marks=pytest.mark.long), 15])
 def test_solver_with_deadline_is_compiled_before_the_first_step(horizon):
     code = LOADED.format(horizon=horizon)
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -57,10 +57,8 @@ def outcome(path, content):
         return error
 
 
-KILLS = [pytest.param(1, id="once"), pytest.param(30, id="often", marks=pytest.mark.long)]
-
-
-@pytest.mark.parametrize("count", KILLS)
+@pytest.mark.long
+@pytest.mark.parametrize("count", [30])
 def test_kill_loses_at_most_half_a_second(count, tmp_path):
     """The driving process is killed at random moments: what it wrote is readable."""
     rng = np.random.default_rng(count)

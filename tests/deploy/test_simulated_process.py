@@ -45,6 +45,7 @@ def make_counting():
     return SimulatedRobot(ROBOT, KinematicPlant(ROBOT), FrozenCount())
 
 
+@pytest.mark.long
 def test_collecting_garbage_does_not_interrupt_the_robot():
     """A full collection of all loaded modules takes 0.1 s."""
     link = SimulatedProcess(ROBOT, make_counting, START, DT)
@@ -68,6 +69,7 @@ def driven(link, duration):
     )
 
 
+@pytest.mark.long
 def test_robot_reaches_its_goal_in_real_time():
     link = process(latency=0.01, jitter=0.005)
     began = time.monotonic()
@@ -100,6 +102,7 @@ class Interrupted(SimulatedProcess):
         SimulatedProcess.send(self, value)
 
 
+@pytest.mark.long
 def test_robot_that_dies_ends_the_drive():
     link = Interrupted(ROBOT, make, START, DT, number=signal.SIGKILL, to_robot=True)
     result = driven(link, 30.0)
@@ -114,6 +117,7 @@ def test_signal_stops_the_robot():
     assert signal.getsignal(signal.SIGTERM) is before
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_to_the_group_of_processes_is_the_reason(number):
     """Ctrl-C in a terminal reaches the simulated robot, too."""
@@ -129,6 +133,7 @@ def test_signal_to_the_group_of_processes_is_the_reason(number):
     assert driven(made, 30.0).ending == f"signal {number.name}"
 
 
+@pytest.mark.long
 def test_robot_stops_by_itself_without_commands():
     """The driver sends one command and is then silent, as a process that is stopped or hangs."""
     here, there = Pipe()
@@ -162,6 +167,7 @@ def test_bad_settings():
         made.open(MonotonicClock())
 
 
+@pytest.mark.long
 def test_a_robot_whose_process_was_stopped_moves_as_it_was_commanded():
     link = process()
     link.open(MonotonicClock())

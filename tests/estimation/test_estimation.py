@@ -33,11 +33,11 @@ def bounds(dimensions, runs):
     return low, high
 
 
-@pytest.fixture(scope="module")
-def normalised_errors():
-    """Normalised squared errors of the pose and of the whole state, at three times of 80 runs."""
+@pytest.fixture(scope="module", params=[16, pytest.param(80, marks=pytest.mark.long)])
+def normalised_errors(request):
+    """Normalised squared errors of the pose and of the whole state, at three times of some runs."""
     pose, whole = [], []
-    for seed in range(80):
+    for seed in range(request.param):
         drive, p, w = Drive(MATCHED, NOISE_ONLY, seed, CREEP), [], []
         for seconds in (2.0, 3.0, 5.0):
             drive.go(seconds)
@@ -50,31 +50,32 @@ def normalised_errors():
 
 
 def test_pose_error_matches_its_covariance(normalised_errors):
-    low, high = bounds(3, 80)
+    low, high = bounds(3, len(normalised_errors[0]))
     mean = normalised_errors[0].mean(axis=0)
     assert ((low < mean) & (mean < high)).all()
 
 
 def test_error_of_the_whole_state_matches_its_covariance(normalised_errors):
-    low, high = bounds(10, 80)
+    low, high = bounds(10, len(normalised_errors[1]))
     mean = normalised_errors[1].mean(axis=0)
     assert ((low < mean) & (mean < high)).all()
 
 
-def test_pose_error_matches_its_covariance_with_late_and_lost_fixes():
+@pytest.mark.parametrize("runs", [12, pytest.param(60, marks=pytest.mark.long)])
+def test_pose_error_matches_its_covariance_with_late_and_lost_fixes(runs):
     late = replace(MATCHED.fixes, latency=0.25, jitter=0.3, dropout=0.3, rate=7.0)
     found = []
-    for seed in range(60):
+    for seed in range(runs):
         drive = Drive(replace(MATCHED, fixes=late), NOISE_ONLY, seed, CREEP).go(6.0)
         error, covariance = drive.filter_error[:3], drive.estimator.filter_state.covariance[:3, :3]
         found.append(error @ np.linalg.solve(covariance, error))
-    low, high = bounds(3, 60)
+    low, high = bounds(3, runs)
     assert low < np.mean(found) < high
 
 
 def test_innovations_match_their_covariance():
     found = []
-    for seed in range(20):
+    for seed in range(5):
         drive = Drive(MATCHED, NOISE_ONLY, seed, CREEP)
         for _ in range(50):
             drive.go(DT)
@@ -300,10 +301,11 @@ def test_fixes_from_the_future_and_too_old_fixes_are_rejected(stamp):
     assert estimator.rejected == 1
 
 
-def test_odometry_error_matches_its_covariance_at_hard_starts():
+@pytest.mark.parametrize("runs", [6, pytest.param(30, marks=pytest.mark.long)])
+def test_odometry_error_matches_its_covariance_at_hard_starts(runs):
     """Random roller angles; a commanded step to full speed, and later to half of it."""
     sensors, squares = SensorSettings(fixes=None), []
-    for seed in range(30):
+    for seed in range(runs):
         rng = np.random.default_rng(seed)
         perception = Perception(
             SensorSuite(sensors, ROBOT.chassis, rng), PoseEstimator(ROBOT, sensors)

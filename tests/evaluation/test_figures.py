@@ -16,7 +16,7 @@ from omnidrive.evaluation.figures import catalogue, save
 from omnidrive.evaluation.figures.catalogue import log_drawings
 from omnidrive.evaluation.figures.kinematics import kinematics
 from omnidrive.evaluation.figures.plan import draw_map
-from omnidrive.evaluation.figures.style import register_fonts
+from omnidrive.evaluation.figures.style import DPI, register_fonts
 from omnidrive.evaluation.measures.metrics import measure
 from omnidrive.evaluation.palette import controller_styles
 from omnidrive.maps import OccupancyGrid
@@ -40,6 +40,9 @@ ALL = DIAGRAMS | {
     "noise_heading",
 }
 
+KINDS = ("kinematics", "xy_comparison", "heading_comparison", "horizon_bars", "step_response",
+         "effort")  # fmt: skip
+
 
 def draw_figures(logs):
     """Return name and figure of every figure of logs."""
@@ -51,27 +54,44 @@ def draw_figure(logs, name):
     return catalogue.draw_figure(log_drawings(logs), name)
 
 
-def write_figures(logs, folder):
-    """Write the figures of logs; return the files."""
-    return [path for _, path in catalogue.write_figures(log_drawings(logs), folder)]
+def write_figures(known, folder, **formats):
+    """Write figures; return the files."""
+    return [path for _, path in catalogue.write_figures(known, folder, **formats)]
+
+
+@pytest.fixture(scope="module", params=["kinds", pytest.param("all", marks=pytest.mark.long)])
+def figures(study, request):
+    """A figure of every kind, or every figure of the study, drawn on a canvas of pixels."""
+    if request.param == "all":
+        found = dict(draw_figures(study))
+        assert set(found) == ALL
+    else:
+        found = {name: draw_figure(study, name) for name in KINDS}
+    for figure in found.values():
+        FigureCanvasAgg(figure).draw()
+    return found
 
 
 @pytest.fixture(scope="module")
-def files(study, tmp_path_factory):
-    return list(write_figures(study, tmp_path_factory.mktemp("figures") / "made"))
+def files(study, figures, tmp_path_factory):
+    """The figures as SVG, two of them also as PDF."""
+    folder = tmp_path_factory.mktemp("figures") / "made"
+    drawings = log_drawings(study)
+    known = {n: drawings[n]._replace(draw=lambda f=f: f) for n, f in figures.items()}
+    some = {name: known[name] for name in ("kinematics", "xy_comparison")}
+    return write_figures(known, folder) + write_figures(some, folder, formats=("pdf",))
 
 
-def test_every_figure_is_written_as_pdf_and_svg(files):
-    assert {path.name for path in files} == {f"{n}.{s}" for n in ALL for s in ("pdf", "svg")}
+def test_images_are_not_blank(figures):
+    for name, figure in figures.items():
+        assert min(figure.get_size_inches()) * DPI > 300, name
+        pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
+        assert pixels.mean(axis=2).std() > 5.0, name
 
 
-def test_images_are_not_blank(study, tmp_path):
-    for name, figure in draw_figures(study):
-        path = tmp_path / f"{name}.png"
-        save(figure, path)
-        with Image.open(path) as image:
-            assert min(image.size) > 300, name
-            assert np.asarray(image.convert("L")).std() > 5.0, name
+def test_every_figure_is_written(figures, files):
+    written = {f"{name}.svg" for name in figures} | {"kinematics.pdf", "xy_comparison.pdf"}
+    assert {path.name for path in files} == written
 
 
 def test_svg_files_are_self_contained_and_undated(files):
@@ -88,7 +108,8 @@ def test_svg_files_are_self_contained_and_undated(files):
 @pytest.mark.long
 def test_output_is_deterministic(part, tmp_path):
     once, again = (
-        [path.read_bytes() for path in write_figures(part, tmp_path / name)] for name in "ab"
+        [path.read_bytes() for path in write_figures(log_drawings(part), tmp_path / name)]
+        for name in "ab"
     )
     assert once == again
 
@@ -159,8 +180,7 @@ def test_short_run_without_error_is_drawn(part):
     result = part.runs[0]
     there = result.log.target[:3]
     ideal = truncated(result.log, 3, pose=there, measured=there)
-    figures = dict(draw_figures(replace(part, runs=(result._replace(log=ideal),))))
-    assert "xy_comparison" in figures
+    draw_figure(replace(part, runs=(result._replace(log=ideal),)), "xy_comparison")
 
 
 def test_rotated_map_is_drawn_at_its_pose():
@@ -244,9 +264,8 @@ def test_kinematic_diagram_shows_every_wheel(name):
     assert any("rho" in text.get_text() for text in wheel.texts) == mecanum
 
 
-def test_effort_shows_speeds_of_every_wheel(study):
-    figure = dict(draw_figures(study))["effort"]
-    panels = figure.axes
+def test_effort_shows_speeds_of_every_wheel(study, figures):
+    panels = figures["effort"].axes
     assert [axes.get_ylabel() for axes in panels[:8:2]] == [f"wheel {i}" for i in range(4)]
     runs = study.select("track", duration=20.0)
     for i in range(4):
@@ -267,11 +286,11 @@ def test_effort_of_commanded_wheel_speeds_and_torques(part):
     by_torques = replace(run, command=twists, wheel_torque_command=speeds)
     assert np.isnan(measure(by_torques, chassis).wheel_acceleration)
     result = part.runs[0]._replace(log=by_torques)
-    assert "effort" in dict(draw_figures(replace(part, runs=(result,))))
+    draw_figure(replace(part, runs=(result,)), "effort")
 
 
-def test_figures_have_the_widths_of_journal_columns(study):
-    for name, figure in draw_figures(study):
+def test_figures_have_the_widths_of_journal_columns(figures):
+    for name, figure in figures.items():
         width, height = figure.get_size_inches()
         assert width in {3.5, 7.16}, name
         assert height < 9.0, name
@@ -303,7 +322,7 @@ def test_equal_curves_are_both_visible(study):
     """Two controllers with the same run: each colour covers pixels of the error panel."""
     first = study.select("track", duration=20.0)[0]
     twin = labelled(first, controller="fuzzy_t2")
-    figure = dict(draw_figures(replace(study, runs=(first, twin))))["xy_comparison"]
+    figure = draw_figure(replace(study, runs=(first, twin)), "xy_comparison")
     canvas = FigureCanvasAgg(figure)
     figure.set_dpi(150)
     canvas.draw()
@@ -346,10 +365,10 @@ def test_ticks_of_heading_errors_are_short_numbers(study, share):
     assert all(len(label) <= 7 for label in labels), labels
 
 
-def test_titles_are_within_their_figures(study):
+def test_titles_are_within_their_figures(study, figures):
     small = draw_figure(precise(study, 1e-3), "heading_comparison")
-    for name, figure in (*draw_figures(study), ("small errors", small)):
-        figure.canvas.draw()
+    small.canvas.draw()
+    for name, figure in (*figures.items(), ("small errors", small)):
         for axes in figure.axes:
             titles = {axes.get_title(loc=where) for where in ("left", "center", "right")} - {""}
             for each in axes.get_children():
@@ -368,6 +387,8 @@ def test_figure_is_drawn_once_per_file_and_its_texts_are_within_it(part, tmp_pat
     for suffix in ("svg", "png"):
         save(figure, tmp_path / f"figure.{suffix}")
     assert drawn == [figure, figure]
+    with Image.open(tmp_path / "figure.png") as image:
+        assert image.size == tuple((DPI * figure.get_size_inches()).astype(int))
     box, (width, height) = figure.get_tightbbox(), figure.get_size_inches()
     assert 0.03 < box.x0 < box.x1 < width - 0.03
     assert 0.03 < box.y0 < box.y1 < height - 0.03

@@ -134,7 +134,7 @@ def labels_of_rules(figure):
     return [(int(each[0]), float(each[1])) for each in labels if each]
 
 
-@pytest.mark.parametrize("count", [3, 5])
+@pytest.mark.parametrize("count", [3, pytest.param(5, marks=pytest.mark.long)])
 def test_rule_viewer_shows_all_rules_in_their_order(count, tmp_path):
     inference = Inference(grid(count))
     figure = rule_viewer(inference, [0.1, 0.8])
@@ -159,6 +159,7 @@ def test_rule_viewer_of_many_rules_shows_the_strongest_and_states_it():
     many = Inference(FuzzySystem("many", (wide,), grid(2).outputs, rules))
     figure = rule_viewer(many, [0.5])
     assert len(labels_of_rules(figure)) == 25
+    assert figure.get_size_inches()[1] <= 12.1
     notes = [text.get_text() for axes in figure.axes for text in axes.texts]
     assert "the 25 strongest of 30 that fire\nof 30 rules, strongest first" in notes
 
@@ -195,12 +196,14 @@ def check(figure, path):
     assert edge.min() == 255
 
 
+@pytest.mark.parametrize("rules", [2, pytest.param(None, marks=pytest.mark.long)])
 @pytest.mark.parametrize("type_", [1, 2, 3])
-def test_figures_of_the_papers_system(tmp_path, type_):
-    drawn = PAPER
+def test_figures_of_the_papers_system(tmp_path, type_, rules):
+    """With its first rules; with all of them, a figure has 100 panels."""
+    drawn = replace(PAPER, rules=PAPER.rules[:rules])
     if type_ > 1:
         secondary = Secondary(1.0, 0.8, 0.1) if type_ == 3 else None
-        drawn = PAPER.with_footprint(FOOTPRINT, secondary=secondary)
+        drawn = drawn.with_footprint(FOOTPRINT, secondary=secondary)
     check(membership_figure(drawn.inputs[0], unit="m"), tmp_path / "sets.png")
     check(rule_viewer(Inference(drawn), {"error": 0.3, "derror": -0.1}), tmp_path / "rules.png")
 
@@ -233,10 +236,18 @@ def test_set_names_do_not_overlap(tmp_path, count):
     assert len(boxes) == (count if count <= 20 else 1)
 
 
-@pytest.mark.parametrize("reduction", ["centroid", "cos"])
-def test_rule_viewer_of_mixed_and_sugeno_systems(tmp_path, reduction):
-    for k, drawn in enumerate((MIXED, MIXED.with_footprint(FOOTPRINT), SUGENO)):
-        check(rule_viewer(Inference(drawn, reduction=reduction)), tmp_path / f"{k}.png")
+@pytest.mark.parametrize(
+    ("drawn", "reduction"),
+    [
+        pytest.param(MIXED, "centroid", marks=pytest.mark.long),
+        (MIXED.with_footprint(FOOTPRINT), "centroid"),
+        (MIXED.with_footprint(FOOTPRINT), "cos"),
+        (SUGENO, "centroid"),
+        pytest.param(SUGENO, "cos", marks=pytest.mark.long),
+    ],
+)
+def test_rule_viewer_of_mixed_and_sugeno_systems(tmp_path, drawn, reduction):
+    check(rule_viewer(Inference(drawn, reduction=reduction)), tmp_path / "rules.png")
 
 
 def test_names_are_drawn_literally(tmp_path):

@@ -69,11 +69,11 @@ def test_duration_matches_toppra(name, seed, heading):
     assert ours == pytest.approx(theirs, rel=2e-3)
 
 
-@pytest.mark.parametrize("name", ["four", "three"])
+@pytest.mark.parametrize("name", [pytest.param("four", marks=pytest.mark.long), "three"])
 def test_duration_matches_convex_program(name):
     """Verscheure et al. 2009: minimum time along a path is convex in the squared speeds."""
     ca = pytest.importorskip("casadi")
-    chassis, path, nodes = CHASSIS[name], wandering(11), 1601
+    chassis, path, nodes = CHASSIS[name], wandering(11), 801
     s = np.linspace(0.0, 1.0, nodes)
     width = s[1]
     first, second = wheel_path(path, s, chassis.jacobian)

@@ -166,7 +166,10 @@ def test_kinematic_runs_equal_simulate(law, kind):
     assert_equals_simulate("kinematic", law, REFERENCES["sampled"], 0.1, kind, noisy=True)
 
 
-@pytest.mark.parametrize("law", ONE_FILE_LAWS)
+@pytest.mark.parametrize(
+    "law",
+    [pytest.param(n, marks=pytest.mark.long) if n == "mppi" else n for n in ONE_FILE_LAWS],
+)
 def test_runs_of_one_file_laws_equal_simulate(law):
     kind = "pose-jump+solver-overrun"
     assert_equals_simulate("kinematic", law, REFERENCES["own"], 0.1, kind, noisy=True)

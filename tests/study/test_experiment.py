@@ -205,8 +205,17 @@ def kill_and_resume(tmp_path, plan, kills, seed):
 
 
 def test_killed_experiment_resumes(tmp_path):
-    """Parent or worker."""
-    assert kill_and_resume(tmp_path, SyntheticPlan(100), 2, 1) >= 1
+    """At random moments, and killed workers: the following test."""
+    plan, folder = SyntheticPlan(100), tmp_path / "study"
+    with start(folder, plan, seconds=0.5, processes=1) as parent:
+        while runs_in(folder) == 0 and parent.poll() is None:
+            sleep(0.02)
+        parent.kill()
+    before = runs_in(folder)
+    assert 0 < before < 100
+    experiment(folder, plan, noted=tmp_path / "noted").execute()
+    assert len((tmp_path / "noted").read_text().split()) == 100 - before
+    assert stored(folder) == expected(plan, tmp_path / "wanted")
 
 
 @pytest.mark.long

@@ -52,6 +52,7 @@ def other_child():
     process.join()
 
 
+@pytest.mark.long
 def test_interrupted_execution_kills_workers_and_no_other_child(other_child):
     found = []
 
@@ -66,6 +67,7 @@ def test_interrupted_execution_kills_workers_and_no_other_child(other_child):
     assert other_child.is_alive()
 
 
+@pytest.mark.long
 def test_killed_worker_delays_the_study_only(caplog):
     def kill():
         workers()[0].kill()
@@ -140,6 +142,7 @@ def steps_of_laws(folder, *names, **options):
     return run_study(scenario, folder / "a", processes=2, figures=(), **options)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs Unix")
 def test_killed_runs_have_an_outcome_and_the_others_finish(tmp_path):
     study = steps_of_laws(tmp_path, "Killed", "Law")

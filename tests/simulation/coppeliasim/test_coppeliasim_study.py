@@ -103,6 +103,7 @@ def test_command_reports_a_missing_simulator(tmp_path):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.long
 def test_interrupted_command_stops_the_robot(tmp_path):
     with fake_server(PAPER) as server:
         save_scenario(scenario_at(server.port), tmp_path / "scenario.yaml")
