@@ -259,7 +259,7 @@ def test_equal_controllers_are_told_apart_in_5_percent_of_studies(law, count):
     assert flagged(EQUAL[law], 2000, count, seed=1) <= 0.064
 
 
-@pytest.mark.parametrize("count", [8, 12, 40])
+@pytest.mark.parametrize("count", [8, *(pytest.param(n, marks=pytest.mark.long) for n in (12, 40))])
 @pytest.mark.parametrize("law", SKEWED)
 def test_skewed_differences_of_mean_zero_are_claimed_no_more_than_by_students_t(law, count):
     def students(rng, shape):

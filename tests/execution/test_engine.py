@@ -73,6 +73,7 @@ def test_item_that_kills_its_process_is_found_and_the_others_are_computed(caplog
     assert "the process of number 5 was killed; starting it again" in caplog.messages
 
 
+@pytest.mark.long
 def test_item_that_takes_too_long_is_ended():
     compute = Squares(stopping=(2,))
     found = [x for b in computed(5, largest=1, compute=compute, time_limit=1.5) for x in b]

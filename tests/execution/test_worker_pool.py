@@ -94,8 +94,8 @@ def exiting():
     ("call", "message"),
     [
         (unpicklable, "(?i)can.*t.* pickle"),
-        (exiting, "SystemExit: 3"),
-        (partial(int, "x"), "invalid literal"),
+        pytest.param(exiting, "SystemExit: 3", marks=pytest.mark.long),
+        pytest.param(partial(int, "x"), "invalid literal", marks=pytest.mark.long),
     ],
 )
 def test_exception_of_a_call_is_raised_here(call, message):
@@ -117,6 +117,7 @@ def killed_times(folder, times):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
+@pytest.mark.long
 def test_two_processes_that_are_killed_while_they_start_are_replaced(tmp_path):
     calls = [partial(answer, k) for k in range(4)]
     assert outcomes(calls, size=1, setup=partial(killed_times, tmp_path, 2)) == {
@@ -130,6 +131,7 @@ def test_exception_at_the_start_is_raised_here():
         outcomes([partial(answer, 1)], setup=partial(int, "x"))
 
 
+@pytest.mark.long
 def test_process_that_stops_at_its_start_is_ended_by_the_time_limit():
     with pytest.raises(WorkerLost, match="exceed the time limit while they start"):
         outcomes([partial(answer, 1)], setup=partial(sleep, 600), time_limit=0.2, start_limit=0.2)
@@ -167,6 +169,7 @@ def test_processes_start_with_blocked_signals_and_unblock_them(monkeypatch):
     assert [ending & each for each in inherited] == 2 * [ending]
 
 
+@pytest.mark.long
 def test_interruption_ends_all_processes():
     def interrupt(*_):
         raise KeyboardInterrupt

@@ -273,6 +273,7 @@ def test_nearest_free_cell_of_a_long_map(shape, end):
         assert found[0] == tuple(n + end if end else 0 for n in shape)
 
 
+@pytest.mark.long
 def test_nearest_free_cell_of_a_long_map_is_found_soon():
     """In a process that can be ended: quadratic time would be hours."""
     code = (

@@ -39,7 +39,10 @@ def test_lag_is_identified_exactly(lag):
     assert identify_lag(LaggingPlant(lag), np.random.default_rng(1)) == pytest.approx(lag, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(
+    "name",
+    [each if each == "small" else pytest.param(each, marks=pytest.mark.long) for each in ROBOTS],
+)
 def test_named_robots_have_the_identified_lags(name):
     robot = ROBOTS[name]
     found = identify_lag(MujocoPlant(robot), np.random.default_rng(1))

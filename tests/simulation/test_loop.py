@@ -91,8 +91,15 @@ def test_log_contains_start_and_end_of_faults():
     assert (2.0, "slope ends") in [(round(e.t, 9), e.what) for e in log.events]
 
 
-@pytest.mark.parametrize("plant", ["ball", "rollers"])
-@pytest.mark.parametrize("wheel", [0, 2])
+@pytest.mark.parametrize(
+    ("wheel", "plant"),
+    [
+        (0, "ball"),
+        pytest.param(2, "ball", marks=pytest.mark.long),
+        pytest.param(0, "rollers", marks=pytest.mark.long),
+        pytest.param(2, "rollers", marks=pytest.mark.long),
+    ],
+)
 def test_position_is_controlled_with_a_locked_wheel(plant, wheel):
     fault = f"wheel-locked:at=3,wheel={wheel}"
     log = run(fault, plant=plant)
@@ -111,7 +118,7 @@ def test_locked_wheel_without_a_supervisor_displaces_the_robot():
     assert errors(run("wheel-locked:at=3,wheel=1", supervised=False)).max() > 0.15
 
 
-@pytest.mark.parametrize("plant", ["ball", "rollers"])
+@pytest.mark.parametrize("plant", ["ball", pytest.param("rollers", marks=pytest.mark.long)])
 def test_dead_wheel_is_detected_and_compensated(plant):
     log = run("wheel-dead:at=3,wheel=1", plant=plant)
     assert log.events[1].what.startswith("wheel 1 is dead; the other 3 compensate for it")

@@ -162,7 +162,17 @@ def run(controller, plant=None, *faults, reference=None, supervisor=None):
 
 
 @pytest.mark.parametrize("supervised", [False, True])
-@pytest.mark.parametrize("make", [KinematicPlant, *TORQUE_PLANTS.values()])
+@pytest.mark.parametrize(
+    "make",
+    [
+        KinematicPlant,
+        TORQUE_PLANTS["planar"],
+        *(
+            pytest.param(TORQUE_PLANTS[name], marks=pytest.mark.long)
+            for name in ("ball", "rollers")
+        ),
+    ],
+)
 def test_controller_of_wheel_speeds_drives_as_one_of_twists(make, supervised):
     supervisor = make_supervisor() if supervised else None
     twists = run(FeedforwardController(DT), make(SMALL))

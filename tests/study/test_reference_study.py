@@ -18,6 +18,7 @@ from omnidrive.simulation import Outcome
 RECOMMENDED = {20.0: (0.0044, 0.0031), 30.0: (0.00135, 0.00105)}
 RECOMMENDED_PID = {20.0: (0.007, 0.006), 30.0: (0.0025, 0.002)}
 TRACKS = [job for job in settings_of_runs(paper_scenario()) if job.task in {"track", "noise"}]
+QUICK = [job for job in TRACKS if (job.controller, job.duration) == ("fuzzy_t1", 20.0)]
 
 
 def name(job):
@@ -39,7 +40,7 @@ def log(paper):
 @pytest.mark.parametrize(
     "job",
     [
-        pytest.param(job, marks=[pytest.mark.long] if job.duration > 20.0 else ())
+        pytest.param(job, marks=() if job in QUICK else [pytest.mark.long])
         for job in TRACKS
         if job.controller != "holonomic-nmpc"
     ],
@@ -58,6 +59,7 @@ def test_errors_are_not_larger_than_in_the_paper(paper, log, job):
     assert mae <= tolerance * row.mae
 
 
+@pytest.mark.long
 def test_clearance_is_measured_to_the_wall(paper, log):
     """The border of the map is nearer at the start, with equal clearance for all controllers."""
     controllers = {"fuzzy_t1", "unicycle-nmpc", "holonomic-nmpc"}
@@ -84,7 +86,18 @@ def test_holonomic_nmpc_has_a_tenth_of_the_published_error(paper, log, duration)
     assert m.me <= PUBLISHED_ERRORS["track", duration, "unicycle-nmpc"].me / 10
 
 
-@pytest.mark.parametrize("controller", ["fuzzy_t1", "fuzzy_t2", "unicycle-nmpc", "holonomic-nmpc"])
+LONG = pytest.mark.long
+
+
+@pytest.mark.parametrize(
+    "controller",
+    [
+        "fuzzy_t1",
+        pytest.param("fuzzy_t2", marks=LONG),
+        pytest.param("unicycle-nmpc", marks=LONG),
+        "holonomic-nmpc",
+    ],
+)
 def test_step_response_reaches_the_target(log, controller):
     run = log(RunSettings("step", controller, 10.0))
     assert run.outcome is Outcome.FINISHED
@@ -93,7 +106,7 @@ def test_step_response_reaches_the_target(log, controller):
 
 @pytest.mark.parametrize(
     "controller",
-    ["fuzzy_t1", pytest.param("fuzzy_t2", marks=pytest.mark.long), "unicycle-nmpc"],
+    ["fuzzy_t1", pytest.param("fuzzy_t2", marks=LONG), pytest.param("unicycle-nmpc", marks=LONG)],
 )
 def test_preset_published_code_has_the_wrong_effective_radius(controller):
     """With R = 0.5 m in the wheel matrix, yaw rates are 0.707 times the commanded ones."""
@@ -110,8 +123,14 @@ def recommended():
     return plan_and_check(paper_scenario("recommended"))
 
 
-@pytest.mark.parametrize("controller", ["pid", "fuzzy_t1", "fuzzy_t2"])
-@pytest.mark.parametrize("duration", [20.0, pytest.param(30.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    ("controller", "duration"),
+    [
+        ("fuzzy_t1", 20.0),
+        *(pytest.param(c, 20.0, marks=LONG) for c in ("pid", "fuzzy_t2")),
+        *(pytest.param(c, 30.0, marks=LONG) for c in ("pid", "fuzzy_t1", "fuzzy_t2")),
+    ],
+)
 def test_recommended_pids_track_closely(recommended, controller, duration):
     run = simulate_run(recommended, RunSettings("track", controller, duration))
     m = measure(run, recommended.robot.drive)

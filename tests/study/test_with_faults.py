@@ -66,7 +66,7 @@ def test_report_contains_the_fault_table(folder):
 def test_scenario_of_the_folder_reproduces_the_results(folder):
     scenario = load_scenario(folder / "scenario.yaml")
     assert scenario.tasks.faults == FaultsTask(duration=20.0)
-    study = run_study(scenario, processes=2)
+    study = run_study(scenario)
     old = json.loads((folder / "results.json").read_text())["faults"]
     assert json.loads(json.dumps(results_data(study)["faults"])) == old
     assert len(study.logs.select("faults")) == 12

@@ -236,7 +236,13 @@ def fake_ffmpeg(folder, monkeypatch, *, encoder="libx264", most=-1, status=0):
     return Path(notes)
 
 
-@pytest.mark.parametrize("encoder", ["libx264", "libopenh264", "libvpx-vp9", "mpeg4"])
+@pytest.mark.parametrize(
+    "encoder",
+    [
+        "libx264",
+        *(pytest.param(n, marks=pytest.mark.long) for n in ("libopenh264", "libvpx-vp9", "mpeg4")),
+    ],
+)
 def test_ffmpeg_receives_every_frame(brief, tmp_path, monkeypatch, encoder):
     notes = fake_ffmpeg(tmp_path, monkeypatch, encoder=encoder)
     check_film(tmp_path / "run.mp4")

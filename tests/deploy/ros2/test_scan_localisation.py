@@ -34,7 +34,7 @@ def options(domain):
     return {"domain": domain, "peers": ["localhost"], "distribution": "jazzy"}
 
 
-@pytest.mark.parametrize("initial", [NEAR, None])
+@pytest.mark.parametrize("initial", [NEAR, pytest.param(None, marks=pytest.mark.long)])
 def test_scans_of_an_independent_peer_localise_the_robot(initial):
     domain = new_domain()
     with running_peer(domain) as peer, Node("driver", **options(domain)) as node:
@@ -43,7 +43,10 @@ def test_scans_of_an_independent_peer_localise_the_robot(initial):
         assert node.wait_for(lambda: source._subscriptions[2][0].matched, 10.0)
         peer.room()
         found = []
-        node.wait_for(lambda: found.append(source.read()) or found[-1] is not None, 4.0)
+        node.wait_for(
+            lambda: found.append(source.read()) or found[-1] is not None,
+            4.0 if initial is None else 30.0,
+        )
     if initial is None:
         assert set(found) == {None}
         assert "no initial pose: publish it on /initialpose" in source.fault
@@ -84,6 +87,7 @@ def driven_by_scans(duration, watch=lambda *_: None):
         return result, robot.state.pose
 
 
+@pytest.mark.long
 def test_a_drive_is_localised_by_scans_alone():
     result, pose = driven_by_scans(3.0)
     assert result.finished, result.changes
