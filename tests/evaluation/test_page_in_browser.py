@@ -56,8 +56,22 @@ def browser():
         running.close()
 
 
+@pytest.fixture(scope="module")
+def text_of():
+    """Return a function that gives the page of a study, each computed once."""
+    known = {}
+
+    def text(results, tables):
+        key = id(results), id(tables)
+        if key not in known:
+            known[key] = results, tables, page_text(reported(results), tables)
+        return known[key][-1]
+
+    return text
+
+
 @pytest.fixture
-def visit(browser, tmp_path):
+def visit(browser, text_of, tmp_path):
     """Return a function that opens the report; requests and errors fail the test."""
     problems, contexts = [], []
 
@@ -71,7 +85,7 @@ def visit(browser, tmp_path):
 
     def opened(results, tables=TABLES, **options):
         path = tmp_path / "report.html"
-        text = results if isinstance(results, str) else page_text(reported(results), tables)
+        text = results if isinstance(results, str) else text_of(results, tables)
         path.write_text(text, encoding="utf-8")
         context = browser.new_context(
             **{"viewport": {"width": 1280, "height": 800}, "reduced_motion": "reduce", **options}
@@ -126,6 +140,7 @@ def test_play_pause_and_end(study, visit):
     wait_until(page, "Playback.time() === 20 && !Playback.playing()")
 
 
+@pytest.mark.long
 def test_page_opens_on_a_moving_scene(study, visit):
     page = visit(study, reduced_motion="no-preference")
     assert page.evaluate("Playback.playing()")
@@ -159,6 +174,7 @@ def test_page_opens_with_the_verdict(study, visit):
     assert f"rgb({r}, {g}, {b})" in colour
 
 
+@pytest.mark.long
 def test_errors_have_a_log_scale(study, visit):
     page = visit(study)
     heads = page.locator("#charts .chart strong")
@@ -177,6 +193,7 @@ def test_errors_have_a_log_scale(study, visit):
     assert page.evaluate("Charts.span()") == [5, 10]
 
 
+@pytest.mark.long
 def test_values_of_absolute_errors_have_no_sign(study, visit):
     page = visit(study)
     shown = page.locator("#charts .chart").nth(1).locator(".value b")
@@ -193,6 +210,7 @@ def test_values_of_absolute_errors_have_no_sign(study, visit):
     assert True in signs()
 
 
+@pytest.mark.long
 def test_an_open_floor_has_no_obstacles_in_the_legend(study, visit):
     items = ("#obstacle-key", "#inflated-key", "#inflated-layer")
     page = visit(study)
@@ -202,12 +220,14 @@ def test_an_open_floor_has_no_obstacles_in_the_legend(study, visit):
     assert not any(page.locator(item).is_visible() for item in items)
 
 
+@pytest.mark.long
 def test_values_from_the_resolution_on_are_not_shown_as_zero(part, visit):
     page = visit(part)
     shown = page.evaluate("[49.62, 3.934, 0.26, 0.000123, -2e-6, 9e-7, 0, NaN].map(Study.text)")
     assert shown == ["49.6", "3.93", "0.260", "1.2e-4", "-2.0e-6", "0", "0", "–"]
 
 
+@pytest.mark.long
 def test_print_is_light_and_fits_the_paper(study, visit, tmp_path):
     page = visit(study, reported(study, published="values").tables, color_scheme="dark")
     corner = "[...document.getElementById('map').getContext('2d').getImageData(2, 2, 1, 1).data]"
@@ -231,6 +251,7 @@ def test_print_is_light_and_fits_the_paper(study, visit, tmp_path):
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"
 
 
+@pytest.mark.long
 def test_rotated_map_is_drawn_at_its_pose(study, visit):
     """Check the colour around the centre of each cell."""
     occupied = np.random.default_rng(2).random((6, 5)) < 0.5
@@ -248,6 +269,7 @@ def test_rotated_map_is_drawn_at_its_pose(study, visit):
         assert (np.median(around) < 160) == occupied[row, col]
 
 
+@pytest.mark.long
 def test_scrub_and_step_by_samples(study, visit):
     page = visit(study)
     page.locator("#scrub").fill("7.5")
@@ -267,6 +289,7 @@ def test_scrub_and_step_by_samples(study, visit):
     wait_until(page, "Playback.time() > 0")
 
 
+@pytest.mark.long
 def test_zoom_pan_fit_and_follow(study, visit):
     page = visit(study)
     scale = "Playback.camera.scale"
@@ -296,6 +319,7 @@ def test_zoom_pan_fit_and_follow(study, visit):
     assert page.evaluate(scale) == pytest.approx(fitted)
 
 
+@pytest.mark.long
 def test_hover_shows_nearest_robot(study, visit):
     page = visit(study)
     page.locator("#scrub").fill("10")
@@ -338,6 +362,7 @@ def test_charts_share_cursor_zoom_and_time(study, visit):
     assert page.evaluate("Charts.span()") == [0, 20]
 
 
+@pytest.mark.long
 def test_gain_charts_show_one_channel(tuning, visit):
     page = visit(tuning)
     charts = page.locator("#tuning-charts .chart")
@@ -367,6 +392,7 @@ def test_gain_charts_show_one_channel(tuning, visit):
     assert charts.nth(0).locator(".value:visible").count() == 1
 
 
+@pytest.mark.long
 def test_no_gain_charts_without_gains(study, visit):
     assert not visit(study).locator("#tuning").is_visible()
 
@@ -395,6 +421,7 @@ def test_every_table_is_shown(study, visit):
     assert page.get_by_text("Note.", exact=True).is_visible()
 
 
+@pytest.mark.long
 def test_dark_theme_on_narrow_screen(study, visit):
     page = visit(study, viewport={"width": 390, "height": 844}, color_scheme="dark", has_touch=True)
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"
@@ -421,6 +448,7 @@ def test_markup_in_names_is_escaped(study, visit):
     assert page.locator("img").count() == 0
 
 
+@pytest.mark.long
 def test_early_stop_is_shown(part, visit):
     result = part.runs[0]
     short = truncated(result.log, 50, outcome=Outcome.PLANT_FAILED)
