@@ -36,6 +36,7 @@ MODULE = import_module(
     "omnidrive.reference.minimum_time"
 )  # the package exports a function of this name
 
+PIECES = MODULE._PIECES
 ALPHA = 25.0
 LIMITS = MotionLimits(wheel_acceleration=ALPHA)
 
@@ -52,40 +53,60 @@ def papers_path():
     ).spline  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def papers_minimum(papers_path):
-    return minimum_time(papers_path, PAPER, PAPER_LIMITS, paper_map())
+def room():
+    """Return a map with a wall between two halves, and a path around its end."""
+    occupied = np.zeros((30, 30), bool)
+    occupied[:16, 14] = True
+    grid, options = OccupancyGrid(occupied, 0.2), PathOptions(smooth="spline", turn_within=0.0)
+    ends = Waypoint(1.0, 1.0), Waypoint(5.0, 1.5)
+    return grid, plan(grid, *ends, inflation=0.0, options=options).spline
 
 
-def test_minimum_time_on_paper_map(papers_path, papers_minimum):
-    """In the corridor the robot needs two thirds of the time with tangent heading."""
-    tangent = time_within_limits(papers_path, PAPER, PAPER_LIMITS, heading="tangent")
-    assert tangent.duration == pytest.approx(11.48, abs=0.02)
-    assert papers_minimum.status == "converged"
-    assert papers_minimum.reference.duration <= 7.55
+@pytest.fixture(scope="module", params=["room", pytest.param("paper", marks=pytest.mark.long)])
+def optimised(request):
+    """A map, a path on it, and the minimum; in the room with a quarter of the spline's pieces."""
+    if request.param == "paper":
+        grid, path = paper_map(), request.getfixturevalue("papers_path")
+        return grid, path, minimum_time(path, PAPER, PAPER_LIMITS, grid)
+    grid, path = room()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(MODULE, "_PIECES", PIECES // 4)
+        return grid, path, minimum_time(path, PAPER, PAPER_LIMITS, grid)
 
 
-def test_limits_hold(papers_minimum):
-    reference = papers_minimum.reference
+def test_minimum_is_shorter_than_with_tangent_heading(optimised):
+    """On the paper's map the robot needs two thirds of the time."""
+    grid, path, minimum = optimised
+    tangent = time_within_limits(path, PAPER, PAPER_LIMITS, heading="tangent").duration
+    assert minimum.status == "converged"
+    on_paper = grid.occupied.shape == paper_map().occupied.shape
+    assert tangent == pytest.approx(11.48 if on_paper else 7.92, abs=0.02)
+    assert minimum.reference.duration <= (7.55 if on_paper else 5.14)
+
+
+def test_limits_hold(optimised):
+    reference = optimised[-1].reference
     assert max(worst_shares(reference, PAPER, 20.0)) <= 1.01
     assert max(reference.limit_usage.values()) <= 1.0 + 1e-9
 
 
-def test_path_stays_in_corridor(papers_minimum):
-    grid, corridor = paper_map(), papers_minimum.corridor
-    pieces = corridor.pieces(48)
-    assert corridor.contains(papers_minimum.path.control_points, pieces)
-    window = papers_minimum.reference.window(0.0, 20_001, papers_minimum.reference.duration / 2e4)
+def test_path_stays_in_corridor(optimised):
+    grid, _, minimum = optimised
+    corridor = minimum.corridor
+    pieces = corridor.pieces(PIECES if len(minimum.path.control_points) > PIECES else PIECES // 4)
+    assert corridor.contains(minimum.path.control_points, pieces)
+    window = minimum.reference.window(0.0, 20_001, minimum.reference.duration / 2e4)
     assert not any(grid.is_occupied(x, y) for x, y in window[:, :2].tolist())
     left, right, bottom, top = corridor.boxes.T
     x, y, _ = np.hsplit(corridor.from_world(window[:, :3]), 3)
     assert ((left <= x) & (x <= right) & (bottom <= y) & (y <= top)).any(axis=1).all()
 
 
-def test_path_joins_start_and_goal(papers_path, papers_minimum):
-    reference = papers_minimum.reference
+def test_path_joins_start_and_goal(optimised):
+    _, path, minimum = optimised
+    reference = minimum.reference
     ends = np.array([reference.at(0.0).pose, reference.at(reference.duration).pose])
-    assert ends[:, :2] == pytest.approx(papers_path.control_points[[0, -1], :2], abs=1e-9)
+    assert ends[:, :2] == pytest.approx(path.control_points[[0, -1], :2], abs=1e-9)
 
 
 @pytest.mark.long
@@ -174,6 +195,7 @@ def test_status_of_a_faster_guess(monkeypatch):
     monkeypatch.setattr(
         Transcription, "solve", lambda _self, guess, _timed: (guess.path, False)
     )  # a path without motion
+    monkeypatch.setattr(MODULE, "_PIECES", PIECES // 4)
     found = minimum_time(SplinePath(points), FOUR, LIMITS, free)
     assert found.status == "guess"
     assert found.reference.duration < time_within_limits(SplinePath(points), FOUR, LIMITS).duration
@@ -211,7 +233,7 @@ def test_free_headings_meet_end_headings():
     assert points[:, :2] == pytest.approx(wandering(0).control_points[:, :2], abs=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 2))])
 def test_free_headings_are_never_slower(seed):
     path = wandering(seed)
     free = time_within_limits(path, FOUR, LIMITS, heading="free")
@@ -249,7 +271,14 @@ def test_message_without_casadi(papers_path, monkeypatch):
         time_within_limits(papers_path, PAPER, PAPER_LIMITS, heading="free")
 
 
-@pytest.mark.parametrize(("start", "goal"), [(1.0, None), (None, -2.0), (0.5, 3.0)])
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [
+        pytest.param(1.0, None, marks=pytest.mark.long),
+        pytest.param(None, -2.0, marks=pytest.mark.long),
+        (0.5, 3.0),
+    ],
+)
 def test_free_headings_meet_required_ends(start, goal):
     reference = time_within_limits(
         wandering(1), FOUR, LIMITS, heading="free", start_yaw=start, goal_yaw=goal
