@@ -18,7 +18,7 @@ sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", sys.argv[1]]))
 """
 
 
-@pytest.mark.parametrize("kind", ["controller", "plant"])
+@pytest.mark.parametrize("kind", ["controller", pytest.param("plant", marks=pytest.mark.long)])
 def test_written_file_runs_passes_its_test_and_is_well_formed(tmp_path, kind):
     name = f"Swift{kind.capitalize()}"
     done = omnidrive("new", kind, name, cwd=tmp_path)

@@ -150,6 +150,7 @@ def test_study_in_workers_is_the_same_and_says_it_once(compiled_study, tmp_path,
     assert len(notes) == 2, notes
 
 
+@pytest.mark.long
 def test_processes_compile_a_kernel_once(tmp_path):
     (tmp_path / "kernels.py").write_text(PROCESS)
     command = [sys.executable, str(tmp_path / "kernels.py")]

@@ -132,6 +132,7 @@ def test_components_of_every_group_take_part_in_a_study(environment, tmp_path):
     assert origins["controllers"]["theirs"] == "their-parts 1.2"
 
 
+@pytest.mark.long
 def test_components_are_listed_and_one_that_raises_is_named_with_the_line(environment, tmp_path):
     code = """
 from omnidrive.components import GROUPS, component_names, find_component

@@ -48,7 +48,17 @@ def run_page(runner, page, folder, *, is_long):
     assert not answer, answer
 
 
-@pytest.mark.parametrize("page", WITH_CODE, ids=named)
+SLOW = {
+    "ros2.md", "study-results.md", "watching.md", "faults.md", "noise-and-estimation.md",
+    "my-robot-my-map.md",
+}  # fmt: skip
+"""Pages whose code takes many seconds."""
+
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(p, marks=[pytest.mark.long] * (p.name in SLOW), id=named(p)) for p in WITH_CODE],
+)
 def test_the_code_of_a_page_runs(page, runner, tmp_path):
     run_page(runner, page, tmp_path, is_long=False)
 

@@ -140,7 +140,11 @@ OPTIONS = {
 }
 
 
-@pytest.mark.parametrize("words", OPTIONS.values(), ids=OPTIONS)
+@pytest.mark.parametrize(
+    "words",
+    [pytest.param(words, marks=[pytest.mark.long] * (name == "ros2"), id=name)
+     for name, words in OPTIONS.items()],
+)  # fmt: skip
 def test_code_in_a_file_needs_permission_on_the_command_line(stranger, words):
     refused = omnidrive(*words, cwd=stranger.folder)
     assert refused.returncode == 2

@@ -362,6 +362,7 @@ class PythonLaw:
         return Command(to_body(velocity, state.pose.yaw))
 
 
+@pytest.mark.long
 def test_class_is_a_controller_in_worker_processes_too():
     controllers = {"mine": PythonLaw, "slow": {"type": PythonLaw, "position": 0.5}}
     tasks = Tasks(track=DurationsTask(durations=(20.0,)))

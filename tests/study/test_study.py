@@ -155,7 +155,7 @@ class Interrupts(NullProgress):
             raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("processes", [1, 2])
+@pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_results_before_an_interruption_are_readable(tmp_path, processes):
     folder = tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):

@@ -111,7 +111,8 @@ def test_a_drive_follows_its_reference_and_reports_it(world):
     assert (plan.header.frame_id, len(plan.poses)) == ("map", 21)
 
 
-@pytest.mark.parametrize("logged", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("logged", [False, True])
 def test_a_stop_request_of_another_node_ends_the_drive(world, tmp_path, logged):
     """With a log, which can be replayed."""
     robot, follower, user = world
