@@ -50,7 +50,7 @@ def run_page(runner, page, folder, *, is_long):
 
 SLOW = {
     "ros2.md", "study-results.md", "watching.md", "faults.md", "noise-and-estimation.md",
-    "my-robot-my-map.md",
+    "my-robot-my-map.md", "my-controller.md", "fuzzy.md", "robots.md",
 }  # fmt: skip
 """Pages whose code takes many seconds."""
 

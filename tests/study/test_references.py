@@ -320,6 +320,7 @@ def own(tmp_path):
     return file
 
 
+@pytest.mark.long
 def test_own_reference_keeps_its_duration_in_worker_processes_too(own):
     reference = {"type": f"{own}:Swing", "rate": 0.3}
     tasks = {"track": {"durations": [6.0]}}

@@ -207,7 +207,8 @@ def test_run_prints_and_stores_the_events(tmp_path, capsys):
 
 
 def test_compare_enables_the_task_with_the_given_faults(tmp_path, capsys):
-    words = ("--plant", "kinematic", "--controllers", "feedforward", "--out", tmp_path / "out")
+    words = ("--plant", "kinematic", "--controllers", "feedforward", "--out", tmp_path / "out",
+             "--jobs", 1, "--figures", "none")  # fmt: skip
     verb("compare", "--tasks", "faults", *words, "--fault", "pose-jump:distance=0.2,at=3")
     assert "pose-jump at 3 s" in capsys.readouterr().out
     data = json.loads((tmp_path / "out" / "results.json").read_text())
