@@ -6,6 +6,7 @@ import, too. Python locks modules by weak references, and ignores exceptions in 
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -58,6 +59,7 @@ def main() -> None:
         status = 128 + received
         with suppress(OSError):  # the terminal is closed
             print("omnidrive: interrupted; finished results are kept", file=sys.stderr, flush=True)
+    gc.freeze()  # the interpreter would search all objects for garbage, half a second and more
     sys.exit(status)
 
 
