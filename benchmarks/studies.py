@@ -26,7 +26,7 @@ from omnidrive.study.progress import NullProgress, RunProgress
 EACH = 0.002  # s of processor time of a run of the benchmark of the engine
 SECONDS = 8.0  # of work, after the first blocks
 OVERHEAD, SPEED_UP = 5.0, 1.7  # %, 1
-LOOPS = {"kinematic": (1.0, 4000), "planar": (1.0, 1000)}  # per unit of known work; number of runs
+LOOPS = {"kinematic": (5.3, 4000), "planar": (0.54, 1000)}  # per unit of known work; number of runs
 
 
 @dataclass(frozen=True)
