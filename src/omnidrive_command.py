@@ -59,7 +59,7 @@ def main() -> None:
         status = 128 + received
         with suppress(OSError):  # the terminal is closed
             print("omnidrive: interrupted; finished results are kept", file=sys.stderr, flush=True)
-    gc.freeze()  # the interpreter would search all objects for garbage, half a second and more
+    gc.freeze()  # otherwise the end of the interpreter searches all objects for garbage
     sys.exit(status)
 
 
