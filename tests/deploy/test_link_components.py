@@ -1,15 +1,24 @@
 """Links by name, as on the command line."""
 
+import sys
+
+import numpy as np
 import pytest
 
 from omnidrive import Pose
 from omnidrive.cli.components import chosen_component
+from omnidrive.cli.drives.drive import _drive
 from omnidrive.components import component_names, find_component
+from omnidrive.deploy.clock import SimulatedClock
+from omnidrive.deploy.controls import DriveControls
+from omnidrive.deploy.drive import drive
 from omnidrive.deploy.links.components import LinkContext
+from omnidrive.deploy.links.simulated import SimulatedLink
 from omnidrive.deploy.robot_link import RobotLink
 from omnidrive.deploy.scenario_robot import scenario_pipeline, without_pose_fixes
 from omnidrive.errors import InvalidInput
-from omnidrive.scenario import Scenario, plan_and_check
+from omnidrive.scenario import Scenario, load_scenario, plan_and_check
+from omnidrive.study import RunFolder
 
 TEXTS = {
     "simulated": "simulated,latency=0.02,jitter=0.005,noise=true",
@@ -75,3 +84,31 @@ def test_the_watchdog_expects_no_fixes_of_a_link_that_measures_no_pose(planned):
     changed = scenario_pipeline(without_pose_fixes(planned), "feedforward").supervisor.watchdog
     assert usual.age == 1.5
     assert changed.limits == usual._replace(age=1e6)
+
+
+class Driven(Exception):
+    """Raised instead of a drive, with its link, pipeline and reference."""
+
+
+def driven(link, pipeline, reference, **_):
+    raise Driven(link, pipeline, reference)
+
+
+def test_the_estimator_of_a_drive_has_the_noise_of_its_link(monkeypatch, tmp_path):
+    """The pose fixes err by 8 cm, slowly; a filter without a bias errs by 3 mm."""
+    sensors = {"sensors": {"estimator": "kalman"}, "tasks": {"track": {"durations": [20.0]}}}
+    motion = {"robot": {"name": "small"}, "reference": {"type": "circle", "radius": 1.0}}
+    scenario = Scenario.model_validate(
+        {"name": "noisy", "plant": "planar", "controllers": ["feedforward"], **motion, **sensors}
+    )
+    monkeypatch.setattr(sys.modules[drive.__module__], "drive", driven)
+    chosen, folder = chosen_component("links", "simulated,noise=true"), RunFolder(tmp_path / "a")
+    with pytest.raises(Driven) as caught:
+        _drive(plan_and_check(scenario), DriveControls(), chosen, folder, cpu=None)
+    process, pipeline, reference = caught.value.args
+    link = SimulatedLink(process.make(), process.start)
+    found = drive(link, pipeline, reference, rate=1.0 / process.period, clock=SimulatedClock())
+    assert found.finished
+    true = np.array([state.pose[:2] for state in link.states])[: len(found.run.t)]
+    assert 1e3 * np.hypot(*(true - found.run.pose[: len(true), :2]).T).mean() < 2.0
+    assert load_scenario(tmp_path / "a" / "scenario.yaml").sensors.fixes.law == "paper"

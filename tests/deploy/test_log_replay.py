@@ -18,7 +18,7 @@ from omnidrive.deploy.log_comparison import comparison_tables, replay_table
 from omnidrive.deploy.log_replay import command_rows
 from omnidrive.deploy.robot_link import ReportingLink, RobotLink
 from omnidrive.deploy.scenario_files import attached_inputs, scenario_of_log
-from omnidrive.deploy.scenario_robot import ScenarioRobot, scenario_pipeline
+from omnidrive.deploy.scenario_robot import ScenarioRobot, scenario_pipeline, with_paper_noise
 from omnidrive.errors import InvalidInput, InvalidLog
 from omnidrive.evaluation.figures.command_difference import command_difference
 from omnidrive.geometry import BodyTwist
@@ -37,7 +37,8 @@ SCENARIO = {
 
 
 def planned_with(controller):
-    return plan_and_check(Scenario.model_validate(SCENARIO | {"controllers": {"ours": controller}}))
+    scenario = Scenario.model_validate(SCENARIO | {"controllers": {"ours": controller}})
+    return with_paper_noise(plan_and_check(scenario))
 
 
 def inputs(planned, folder):
@@ -61,7 +62,7 @@ def write_log(path, planned, hold_at=None):
             return SimulatedLink.read(self)
 
     result = drive(
-        Link(ScenarioRobot(planned, noise=True)(), reference.at(0.0).pose),
+        Link(ScenarioRobot(planned)(), reference.at(0.0).pose),
         scenario_pipeline(planned, "ours"),
         reference,
         rate=1.0 / planned.scenario.sample_time,

@@ -26,7 +26,8 @@ class ScenarioRobot:
 
     Attributes:
         planned: The planned scenario.
-        noise: Whether the pose fixes have the noise of the paper.
+        noise: Whether the pose fixes have the noise of the paper. The estimator assumes it with the
+            scenario of :func:`with_paper_noise`.
     """
 
     planned: PlannedScenario
@@ -39,6 +40,19 @@ class ScenarioRobot:
             scenario, planned.robot, np.random.default_rng([scenario.seed, 0]), noise=self.noise
         )
         return SimulatedRobot(planned.plant_robot, new_plant(planned), sensors)
+
+
+def with_paper_noise(planned: PlannedScenario) -> PlannedScenario:
+    """Return the scenario with the noise of the paper in the pose fixes of its sensors section.
+
+    Simulated sensors and estimators, also in replays of its logs, then have the same settings.
+    Without the section the scenario is unchanged: there is no estimator.
+    """
+    section = planned.scenario.sensors
+    if section is None:
+        return planned
+    scenario = planned.scenario.model_copy(update={"sensors": section.with_paper_noise()})
+    return replace(planned, scenario=scenario)
 
 
 def without_pose_fixes(planned: PlannedScenario) -> PlannedScenario:

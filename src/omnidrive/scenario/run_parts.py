@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from omnidrive.control import Command, Controller, Status
@@ -87,9 +85,7 @@ def make_sensors(
     section = scenario.sensors
     if section is None:
         return PaperNoise(rng) if noise else PerfectSensors()
-    settings = section.settings
-    if noise and settings.fixes:
-        settings = replace(settings, fixes=replace(settings.fixes, law="paper"))
+    settings = (section.with_paper_noise() if noise else section).settings
     return SensorSuite(settings, robot.chassis, rng)
 
 

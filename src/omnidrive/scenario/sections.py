@@ -181,6 +181,11 @@ class SensorsSection(Section):
         """Settings of the sensors without the estimator."""
         return SensorSettings(self.encoders, self.gyro, self.fixes)
 
+    def with_paper_noise(self) -> SensorsSection:
+        """Return the same sensors with the noise of the paper in the pose fixes."""
+        fixes = self.fixes and replace(self.fixes, law="paper")
+        return self.model_copy(update={"fixes": fixes})
+
 
 class WatchdogSection(Section):
     """Limits beyond which the watchdog stops the robot.

@@ -133,16 +133,19 @@ def _drive(
 ) -> tuple[scenarios.PlannedScenario, DriveResult]:
     """Drive the robot of a scenario over a link; return the scenario as driven, and the result."""
     from omnidrive.deploy.drive import drive as drive_robot
-    from omnidrive.deploy.links.components import LinkContext
+    from omnidrive.deploy.links.components import LinkContext, SimulatedParameters
     from omnidrive.deploy.log import RUN_LOG, DriveLog
     from omnidrive.deploy.robot_link import ReportingLink
     from omnidrive.deploy.scenario_files import attached_inputs
     from omnidrive.deploy.scenario_robot import (
         component_names,
         scenario_pipeline,
+        with_paper_noise,
         without_pose_fixes,
     )
 
+    if isinstance(chosen.parameters, SimulatedParameters) and chosen.parameters.noise:
+        planned = with_paper_noise(planned)
     reference = planned.reference(study.planned_duration(planned))
     start = reference.at(0.0).pose
     link: RobotLink = chosen.make(LinkContext(planned, start))
