@@ -61,7 +61,7 @@ def link(sensors=None):
     return Link(SimulatedRobot(ROBOT, KinematicPlant(ROBOT), sensors or PerfectSensors()), START)
 
 
-def driven(made, reference=None, controls=None, ours=None, start=START, clock=None):
+def driven(made, reference=None, controls=None, ours=None, start=START, clock=None, log=None):
     return drive(
         made,
         Pipeline(ours or controller()),
@@ -70,4 +70,5 @@ def driven(made, reference=None, controls=None, ours=None, start=START, clock=No
         start=start,
         controls=controls,
         clock=clock or SimulatedClock(),
+        log=log,
     )

@@ -1,6 +1,8 @@
 """Run folder, report and notebook representation of a drive; one drive for all tests."""
 
+import io
 import json
+import threading
 import time
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 from omnidrive import FeedforwardController, KinematicPlant, PerfectSensors, study
 from omnidrive import scenario as scenarios
 from omnidrive.cli.components import one_run
-from omnidrive.cli.drives.drive import _shown_states
+from omnidrive.cli.drives.drive import _keys, _shown_states
 from omnidrive.cli.scenario_options import ScenarioOptions
 from omnidrive.control import Pipeline
 from omnidrive.deploy.clock import SimulatedClock
@@ -139,7 +141,10 @@ def test_notebooks_show_drive_and_run(result, planned):
 def test_a_hold_is_shown_at_once_with_how_it_ends(keys, way, capsys):
     controls, text = DriveControls(), ""
     changes = (("connected", True), ("tracked", ()), ("held", "no readings"), ("held", None))
-    with _shown_states(controls, "press a", keys=keys):
+    input_ends = threading.Event()
+    if not keys:
+        input_ends.set()
+    with _shown_states(controls, "press a", input_ends):
         for name, value in changes:
             setattr(controls, name, value)
             lines, end = text.count("\n"), time.monotonic() + 30.0
@@ -149,6 +154,21 @@ def test_a_hold_is_shown_at_once_with_how_it_ends(keys, way, capsys):
     drives = "the controller drives the robot"
     assert text.splitlines() == ["press a", drives, f"held: {way}", drives]
     assert controls.stop_reason == (None if keys else "held without a terminal: no readings")
+
+
+def test_a_hold_ends_a_drive_whose_input_has_ended(monkeypatch):
+    """As of ``printf 'a\\n' | omnidrive drive``: nobody can arm the robot again."""
+    monkeypatch.setattr("sys.stdin", io.StringIO("a\n"))
+    controls = DriveControls()
+    with _keys(controls, armed=False):
+        end = time.monotonic() + 30.0
+        while not controls.arm_requested and time.monotonic() < end:
+            time.sleep(0.01)
+        assert controls.stop_reason is None
+        controls.held = "no readings"
+        while controls.stop_reason is None and time.monotonic() < end:
+            time.sleep(0.01)
+    assert controls.stop_reason == "held without a terminal: no readings"
 
 
 @pytest.mark.long  # in real time

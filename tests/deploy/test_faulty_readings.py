@@ -17,9 +17,19 @@ from omnidrive.deploy.controls import DriveControls
 from omnidrive.deploy.drive import drive
 from omnidrive.deploy.drive_loop import MAX_AGE, MAX_WAIT
 from omnidrive.deploy.drive_state import DriveState
+from omnidrive.deploy.log import read_log
 from omnidrive.estimation import EstimatorSettings, LatestFix, PoseEstimator, SensorSettings
 from omnidrive.geometry import BodyTwist, Pose
-from tests.deploy.simulated_drive import DT, ROBOT, START, circle, controller, driven, link
+from tests.deploy.simulated_drive import (
+    DT,
+    ROBOT,
+    START,
+    Link,
+    circle,
+    controller,
+    driven,
+    link,
+)
 from tests.deploy.test_drive_faults import armed_at, fixes_with, frozen
 
 DRIVES, LONG_DRIVES = 8, 1000
@@ -170,23 +180,85 @@ def test_no_robot_of_many_goes_on_with_faulty_readings():
     assert check_drives(range(LONG_DRIVES)) > LONG_DRIVES // 3
 
 
-@pytest.mark.parametrize("armed", [True, False])
-def test_a_drive_on_a_simulated_clock_ends_although_nobody_arms_it(armed):
-    """Pose fixes at 1.5 Hz hold the robot; the drive ends with this reason."""
-    made, last = link(), [-inf]
+def sparse_fixes(rate=1.5):
+    """Return a change of readings that leaves pose fixes at ``rate``, in Hz."""
+    last = [-inf]
 
     def sparse(made, readings):
-        if made._clock.now() - last[0] < 1.0 / 1.5:
+        if made._clock.now() - last[0] < 1.0 / rate:
             return readings._replace(fixes=())
         last[0] = made._clock.now()
         return readings
 
-    made.on_read.append(sparse)
+    return sparse
+
+
+@pytest.mark.parametrize("armed", [True, False])
+def test_a_drive_on_a_simulated_clock_ends_although_nobody_arms_it(armed):
+    """Pose fixes at 1.5 Hz hold the robot; the drive ends with this reason."""
+    made = link()
+    made.on_read.append(sparse_fixes())
     result = driven(made, controls=DriveControls(arm=armed))
     ended = result.changes[-1]
     assert ended.state is DriveState.STOPPED
-    reason = "the last usable pose fix is 0.5" if armed else "it was not armed"
-    state = "holding" if armed else "idle"
-    assert ended.reason.startswith(f"{state} for 60 s of simulated time: {reason}")
+    assert ended.reason.startswith(
+        "holding since 0.55 s, and not armed within 60 s: the last usable pose fix is 0.55 s old"
+        if armed
+        else "idle since 0.00 s, and not armed within 60 s: no user armed the robot"
+    )
     assert MAX_WAIT < ended.t < MAX_WAIT + 2.0
     assert not result.finished
+
+
+class OtherClock:
+    """A clock that passes as the simulated one, but is none: a drive on it waits for its user."""
+
+    def __init__(self):
+        self.simulated = SimulatedClock()
+        self.now, self.sleep_until = self.simulated.now, self.simulated.sleep_until
+
+
+class OnAnyClock(Link):
+    """A simulated link on both clocks."""
+
+    def open(self, clock):
+        Link.open(self, getattr(clock, "simulated", clock))
+
+
+@pytest.mark.parametrize("clock", [SimulatedClock, OtherClock])
+def test_a_drive_without_controls_ends_with_the_ramp_of_a_hold(clock, tmp_path):
+    """Nobody can arm the robot again; the log is written, with the reason and its time."""
+    made = OnAnyClock(link().simulated, START)
+    made.on_read.append(sparse_fixes())
+    result = driven(made, clock=clock(), log=tmp_path / "a.mcap")
+    assert not result.finished
+    held, stopped = result.changes[-2:]
+    assert (held.state, stopped.state) == (DriveState.HOLDING, DriveState.STOPPED)
+    assert stopped.reason.startswith(f"holding since {held.t:.2f} s, and not armed within 0.5 s: ")
+    assert stopped.reason.endswith(held.reason)
+    assert stopped.t - held.t == pytest.approx(RAMP_TIME + DT)
+    assert read_log(tmp_path / "a.mcap").changes[-1] == stopped
+
+
+def test_a_drive_without_controls_ends_if_no_pose_arrives():
+    made = OnAnyClock(link().simulated, START)
+    made.on_read.append(lambda made, readings: None)
+    result = driven(made, clock=OtherClock())
+    assert result.ending == "armed since 0.00 s, but no usable pose arrived within 60 s"
+
+
+def test_a_user_can_arm_a_held_robot_after_any_time():
+    """With controls, on a clock that is not simulated, a hold ends when the user arms or stops."""
+    made, controls = OnAnyClock(link().simulated, START), DriveControls(arm=True)
+
+    acts = [(1.0, controls.hold), (100.0, controls.arm)]
+
+    def act(made, readings):
+        if acts and made._clock.now() >= acts[0][0]:
+            acts.pop(0)[1]()
+        return readings
+
+    made.on_read.append(act)
+    result = driven(made, controls=controls, clock=OtherClock())
+    assert result.finished
+    assert result.changes[-1].t > 100.0

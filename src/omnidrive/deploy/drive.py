@@ -103,7 +103,8 @@ def drive(
     Samples have absolute deadlines. A sample that ends after the next one was due is a miss; those
     in between are skipped, never made up for. The robot is held (ramped to zero speed) if readings
     or estimate are older than :data:`~omnidrive.deploy.drive_loop.MAX_AGE`; it goes on only when it
-    is armed again. On a simulated clock, a drive in which the robot is not driven for
+    is armed again. Without ``controls`` nobody can arm it, so that the drive ends when the ramp
+    does. There, and on a simulated clock, a drive in which the robot is not driven for
     :data:`~omnidrive.deploy.drive_loop.MAX_WAIT` ends. The robot is stopped however the drive ends;
     if this process is killed, by the watchdog of the link.
 
@@ -113,7 +114,7 @@ def drive(
         reference: The motion to track.
         rate: Rate of the loop, 1 to 1000 Hz; the controller's sample time is its inverse.
         start: Pose of the robot at the start, in W; m, m, rad. None: its first pose fix.
-        controls: Requests of the user. None: the robot is armed at once.
+        controls: Requests of the user. None: the robot is armed at once, and a hold ends the drive.
         clock: Clock of the loop. None: the monotonic clock, with this process prepared for
             punctuality, see :func:`~omnidrive.deploy.realtime.realtime`.
         cpu: Number of the processor to run on; None: any.
@@ -134,8 +135,9 @@ def drive(
     check_controller(pipeline.controller, dt)
     _check_pose(link, pipeline, start)
     warm_up(pipeline, reference, dt, len(link.robot.mounts))
-    progress, controls = DriveProgress(reference, dt), controls or DriveControls(arm=True)
-    loop = DriveLoop(link, pipeline, progress, start, controls, clock or MonotonicClock(), sink)
+    attended, controls = controls is not None, controls or DriveControls(arm=True)
+    progress, clock = DriveProgress(reference, dt), clock or MonotonicClock()
+    loop = DriveLoop(link, pipeline, progress, start, controls, clock, sink, attended)
     with (
         loop.controls.of_signals(),
         loop.connected(),  # what the link starts keeps its own scheduling

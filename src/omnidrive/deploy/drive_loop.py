@@ -12,7 +12,7 @@ from omnidrive.control.controller import STOP
 from omnidrive.control.pipeline import PartFailed
 from omnidrive.control.supervision import Event
 from omnidrive.deploy.clock import Clock, SimulatedClock
-from omnidrive.deploy.command_gate import CommandGate
+from omnidrive.deploy.command_gate import RAMP_TIME, CommandGate
 from omnidrive.deploy.controls import DriveControls, Tracked
 from omnidrive.deploy.drive_progress import DriveProgress
 from omnidrive.deploy.drive_state import REFERENCE_ENDS, DriveState, StateMachine
@@ -35,7 +35,8 @@ MAX_AGE = 0.5
 """Age of the estimate, of the readings and of the last command from which the robot is held, s, as
 ``cmd_vel_timeout`` of ros2_controllers."""
 MAX_WAIT = 60.0
-"""Time without driving after which a drive on a simulated clock ends, s; no user can arm it."""
+"""Time without driving after which a drive ends that no user can arm, s: one on a simulated clock,
+or without controls of the user."""
 _TIMED_SAMPLES = 1_000_000
 _ALIGN_TIME = 2.0  # s; longest wait for the first readings
 _POLL = 0.0002  # s
@@ -57,6 +58,7 @@ class DriveLoop:
         controls: Requests of the user.
         clock: Clock of the loop.
         sink: Log that every sample is appended to. None: none.
+        attended: Whether a user can arm the robot again after it was held.
         machine: State of the drive and its history.
         timing: Punctuality.
         gate: Last check of the commands.
@@ -70,6 +72,7 @@ class DriveLoop:
     controls: DriveControls
     clock: Clock
     sink: DriveLog | None = None
+    attended: bool = True
     machine: StateMachine = field(default_factory=StateMachine)
     timing: LoopTiming = field(init=False)
     gate: CommandGate = field(init=False)
@@ -205,15 +208,12 @@ class DriveLoop:
             self._wait(number)
 
     def _wait(self, number: int) -> None:
-        """Send the ramp to zero speed, or zero; on a simulated clock, for :data:`MAX_WAIT` only."""
-        since, reason = 0.0, "it was not armed"
-        if self.machine.changes:
-            since, _, reason = self.machine.changes[-1]
-        if isinstance(self.clock, SimulatedClock) and number * self.dt - since > MAX_WAIT:
-            self._stop(
-                number,
-                f"{self.machine.state.value} for {MAX_WAIT:g} s of simulated time: {reason}",
-            )
+        """Send the ramp to zero speed, or zero; end a drive that no user can arm."""
+        limit = inf if self.attended and not isinstance(self.clock, SimulatedClock) else MAX_WAIT
+        if not self.attended and self.machine.state is DriveState.HOLDING:
+            limit = RAMP_TIME
+        if ending := self.machine.waits_too_long(number * self.dt, limit):
+            self._stop(number, ending)
         else:
             self._send(self.gate.ramp(self.dt))
 

@@ -48,6 +48,9 @@ class StateChange(NamedTuple):
     """Why, in one line."""
 
 
+_NEVER_ARMED = StateChange(0.0, DriveState.IDLE, "no user armed the robot")
+
+
 class StateMachine:
     """The state of a drive and its history; every change has a reason and is logged.
 
@@ -72,3 +75,16 @@ class StateMachine:
         self.changes.append(StateChange(t, state, reason))
         level = logging.WARNING if state is DriveState.HOLDING else logging.INFO
         _log.log(level, "%s at %.3f s: %s", state.value, t, reason, extra=EVENT)
+
+    def waits_too_long(self, t: float, limit: float) -> str:
+        """Return why a drive ends that has waited to be armed for more than ``limit`` (s) at ``t``.
+
+        Empty: it has not. The text names the state, its begin and its reason.
+        """
+        since, _, reason = self.changes[-1] if self.changes else _NEVER_ARMED
+        if t - since <= limit:
+            return ""
+        if self.state is DriveState.ARMED:
+            return f"armed since {since:.2f} s, but no usable pose arrived within {limit:g} s"
+        waited = f"{self.state.value} since {since:.2f} s, and not armed within {limit:g} s"
+        return f"{waited}: {reason}"

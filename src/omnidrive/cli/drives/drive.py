@@ -199,10 +199,11 @@ def _emptied_unless_begun(folder: study.RunFolder, *, remove: bool) -> Iterator[
 @contextmanager
 def _keys(controls: DriveControls, *, armed: bool) -> Iterator[None]:
     """Arm and stop with keys within the context, if the input is a terminal or a pipe."""
-    keys = not armed or os.isatty(0)
+    keys, input_ends = not armed or os.isatty(0), threading.Event()
     prompt = "press Enter to stop the robot" if armed else _PROMPT
     if not keys:
         prompt = "the input is no terminal: a hold ends the drive, and so does Ctrl-C"
+        input_ends.set()
 
     def listen() -> None:
         """Read lines until one stops the robot."""
@@ -214,26 +215,28 @@ def _keys(controls: DriveControls, *, armed: bool) -> Iterator[None]:
                 return
         if not armed and not controls.arm_requested:
             controls.stop("the input ended")
+        input_ends.set()
 
     if keys:
         threading.Thread(target=listen, daemon=True).start()
-    with notes_in_a_thread(), _shown_states(controls, prompt, keys=keys):
+    with notes_in_a_thread(), _shown_states(controls, prompt, input_ends):
         yield
 
 
 @contextmanager
-def _shown_states(controls: DriveControls, prompt: str, *, keys: bool) -> Iterator[None]:
+def _shown_states(
+    controls: DriveControls, prompt: str, input_ends: threading.Event
+) -> Iterator[None]:
     """Print within the context what a user can do, and when the controller begins to drive.
 
     Args:
         controls: The controls of the drive.
         prompt: What is printed when the robot is connected.
-        keys: Whether keys arm and stop the robot.
+        input_ends: Set when no key can arm the robot any more; a hold ends the drive then.
     """
     ended, shown = threading.Event(), ""
-    held = "held: press a and Enter to arm the robot again, Enter to stop it"
-    if not keys:
-        held = "held: the drive ends, because without a terminal the robot cannot be armed again"
+    waits = "held: press a and Enter to arm the robot again, Enter to stop it"
+    ends = "held: the drive ends, because without a terminal the robot cannot be armed again"
 
     def watch() -> None:
         """Print each change until the context ends; the loop does not wait for the terminal."""
@@ -244,9 +247,11 @@ def _shown_states(controls: DriveControls, prompt: str, *, keys: bool) -> Iterat
                 show(prompt)
                 asked = True
             text = "the controller drives the robot" if controls.tracked is not None else ""
-            text = held if controls.held is not None else text
-            if controls.held is not None and not keys:
-                controls.stop(f"held without a terminal: {controls.held}")
+            held, alone = controls.held, input_ends.is_set()
+            if held is not None:
+                text = ends if alone else waits
+                if alone:
+                    controls.stop(f"held without a terminal: {held}")
             if text and text != shown:
                 show(text)
             shown = text
