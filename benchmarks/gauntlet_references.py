@@ -32,7 +32,7 @@ SETTLED, ENDED = 3.0, 2.0
 STEP_DURATION = 5.0  # s
 IMPOSSIBLE_DURATION = 8.0  # s, of the eight that the wheels cannot follow in time
 ARRIVED = 0.05  # m from the end of the path
-TRACTION = 0.85  # share of the forces of robots at equal loads
+TRACTION = 0.85  # share of the forces that any controller can use at unequal loads, about
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from omnidrive.compiled.compilation import compile_listeners
+from omnidrive.components import configure
 from omnidrive.control import (
     FeedforwardController,
     ReferenceGovernor,
@@ -38,16 +39,17 @@ from omnidrive.reference import (
     UniformReference,
     time_within_limits,
 )
-from omnidrive.robot import ROBOTS, named_robot
+from omnidrive.robot import ROBOTS, force_share, named_robot
 from omnidrive.scenario.planned_scenario import plan_scenario
 from omnidrive.scenario.scenario import paper_scenario
+from omnidrive.scenario.sections import TimingSection
 from omnidrive.simulation import KinematicPlant, Outcome, PlanarPlant, simulate
 
 KIWI = named_robot("kiwi")
 STILL = Pose(0.0, 0.0, 0.0)
 
 
-def governor(robot=KIWI, traction=0.8):
+def governor(robot=KIWI, traction=force_share.PLANS):
     return ReferenceGovernor(robot.chassis, robot.acceleration_faces / traction)
 
 
@@ -64,6 +66,33 @@ def test_motion_within_the_limits_of_the_robot_is_followed_in_time(name):
     errors = position_error(run.raise_if_failed().pose, run.target)
     assert errors.mean() < 0.006
     assert errors.max() < 0.03
+
+
+def test_shares_of_the_forces_leave_a_reserve_each():
+    """Plans use less than the wheels can exert, governed references less, timed ones no more."""
+    assert (
+        force_share.REFERENCES <= force_share.GOVERNED * force_share.PLANS < force_share.PLANS < 1
+    )
+    assert HolonomicNmpcOptions().traction == Actuation.of(KIWI).traction == force_share.PLANS
+    assert TimingSection().traction == force_share.REFERENCES
+    faces = MotionLimits.of_robot(KIWI).acceleration_faces
+    np.testing.assert_array_equal(faces, KIWI.acceleration_faces / force_share.REFERENCES)
+
+
+def test_the_recommended_controller_is_the_best_in_the_example_of_the_readme():
+    """Timed with 0.85 of the forces, it was governed and 180 mm late, feedforward 43 mm."""
+    robot, dt = named_robot("paper"), 0.1
+    start, goal = Waypoint(1, 1, 0), Waypoint(8, 6)
+    path = plan_path(paper_map(), start, goal, inflation=0.0, options=PathOptions()).spline
+    reference = time_within_limits(path, robot.chassis, MotionLimits.of_robot(robot))
+    context = ControllerContext(robot, dt, np.random.default_rng(0), "recommended")
+    errors = {}
+    for name in ("holonomic-nmpc", "feedforward", "pid", "lqr"):
+        made = configure("controllers", name).make(context)
+        run = simulate(PlanarPlant(robot), made, reference, start=reference.at(0.0).pose, dt=dt)
+        errors[name] = position_error(run.raise_if_failed().pose, run.target).mean()
+    best = errors.pop("holonomic-nmpc")
+    assert best < 0.003 < 0.2 * min(errors.values()), errors
 
 
 class Jump:

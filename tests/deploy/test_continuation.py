@@ -36,6 +36,8 @@ from omnidrive.reference import (
     delay_within_limits,
     load_waypoints,
 )
+from omnidrive.reference.limits import SPEED_SHARE
+from omnidrive.robot import force_share
 
 DT = 0.05
 ROBOT = named_robot("small")
@@ -91,7 +93,7 @@ def test_the_governor_leaves_the_part_before_a_splice_as_it_is():
     spliced = SplicedReference(fast, fast, 0.4)
     governed = governor.govern(spliced)
     assert governed.before is fast
-    limits = governor._limits(0.98, 0.965)
+    limits = governor._limits(SPEED_SHARE, force_share.GOVERNED)
     expected = delay_within_limits(fast, limits, rest=False)
     assert governed.after.duration == expected.duration > fast.duration
     assert governor.delay(spliced, 0.4 + expected.duration) == pytest.approx(

@@ -15,7 +15,7 @@ from omnidrive.control.nmpc import holonomic, unicycle
 from omnidrive.control.nmpc.holonomic import HolonomicParameters
 from omnidrive.control.pid.options import FuzzyPidOptions, IntervalFuzzyPidOptions, PidOptions
 from omnidrive.parameter import Bounds, check_choice
-from omnidrive.robot import Robot
+from omnidrive.robot import Robot, force_share
 
 Horizon = Annotated[int, Bounds(1, 200, "steps")]
 SolverName = Literal["sqp", "rti", "casadi"]
@@ -74,7 +74,7 @@ class HolonomicNmpcOptions:
     `casadi`: IPOPT (needs the extra `casadi`)."""
     weights: HolonomicParameters = field(default_factory=HolonomicParameters)
     """Weights of the cost function."""
-    traction: Annotated[float, Bounds(0.1, 100.0, "1")] = 0.8
+    traction: Annotated[float, Bounds(0.1, 100.0, "1")] = force_share.PLANS
     """Maximum acceleration of the predicted motion, as a multiple of that at the friction and
     torque limits."""
     may_spin: bool | None = None

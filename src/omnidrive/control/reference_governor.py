@@ -23,14 +23,10 @@ from omnidrive.reference import (
 )
 from omnidrive.reference.limits import SPEED_SHARE
 from omnidrive.reference.reference import WindowReference
-from omnidrive.robot import Chassis
+from omnidrive.robot import Chassis, force_share
 
 TOLERATED_DELAY = 0.1
 """Delay, s, up to which the tracking controller makes up for what the limits do not permit."""
-
-_GOVERNED_FORCE_SHARE = 0.965
-"""Share of the acceleration limits of the controller that governed references use; the rest is for
-feedback."""
 
 _STILL = SampledReference(np.array([0.0, 0.1]), np.zeros((2, 3)), np.zeros((2, 3)))
 
@@ -63,7 +59,7 @@ class ReferenceGovernor:
 
     def prepare(self) -> None:
         """Compile the kernels."""
-        delay_within_limits(_STILL, self._limits(SPEED_SHARE, _GOVERNED_FORCE_SHARE))
+        delay_within_limits(_STILL, self._limits(SPEED_SHARE, force_share.GOVERNED))
         DelayedReference(_STILL, 0.1, np.zeros((2, 6)), np.ones(2)).window(0.0, 2, 0.1)
 
     def reset(self) -> None:
@@ -132,7 +128,7 @@ class ReferenceGovernor:
         if isinstance(reference, SplicedReference):  # its first part is governed already
             after = self._computed(reference.after, rest=False)
             return reference if after is reference.after else replace(reference, after=after)
-        limits = self._limits(SPEED_SHARE, _GOVERNED_FORCE_SHARE)
+        limits = self._limits(SPEED_SHARE, force_share.GOVERNED)
         try:
             if delay_within_limits(reference, limits, rest=False).max_delay <= TOLERATED_DELAY:
                 return reference

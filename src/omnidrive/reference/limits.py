@@ -11,13 +11,10 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
-from omnidrive.robot import Chassis, Robot
+from omnidrive.robot import Chassis, Robot, force_share
 
 SPEED_SHARE = 0.98
 """Share of the wheel speed limit that references use; the rest is for the controller's feedback."""
-FORCE_SHARE = 0.77
-"""Share of the forces that friction and motors permit at equal loads that references use: 0.965 of
-those in plans of the recommended controller, 0.8; the rest is for feedback and unequal loads."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -77,7 +74,7 @@ class MotionLimits:
 
     @classmethod
     def of_robot(
-        cls, robot: Robot, *, share: float = FORCE_SHARE, max_speed: float | None = None
+        cls, robot: Robot, *, share: float = force_share.REFERENCES, max_speed: float | None = None
     ) -> MotionLimits:
         """Return the limits of references that the recommended controller follows in time.
 
@@ -86,8 +83,9 @@ class MotionLimits:
         Args:
             robot: Robot with motors and friction.
             share: Usable share of the accelerations that friction and motors allow; positive.
-                ``holonomic-nmpc`` plans with at most 0.8 of them and follows a reference that
-                needs more with a delay; the default leaves it a reserve for feedback.
+                ``holonomic-nmpc`` plans with at most :data:`~omnidrive.robot.force_share.PLANS` of
+                them and follows a reference that needs more with a delay; the default leaves it a
+                reserve for feedback.
             max_speed: :attr:`speed`, m/s; None: no limit other than the wheel speed.
 
         Raises:

@@ -17,8 +17,7 @@ from omnidrive.estimation import (
 )
 from omnidrive.maps import is_named_map
 from omnidrive.parameter import Bounds, check_choice
-from omnidrive.reference.limits import FORCE_SHARE
-from omnidrive.robot import Robot, named_robot
+from omnidrive.robot import Robot, force_share, named_robot
 from omnidrive.scenario.section import Section
 from omnidrive.simulation.moving_obstacle import (
     MAX_MOVING_OBSTACLES,
@@ -139,7 +138,7 @@ class TimingSection(Section):
     """Heading with the law `limits`. `path`: headings of the planned path; `tangent`: direction of
     motion; `fixed`: heading of the start; `free`: optimised for time (needs the extra
     `casadi`)."""
-    traction: Annotated[float, Bounds(0.01, 100.0, "1")] = FORCE_SHARE
+    traction: Annotated[float, Bounds(0.01, 100.0, "1")] = force_share.REFERENCES
     """Maximum acceleration, as a multiple of that at the friction and torque limits. Plans of
     `holonomic-nmpc` use at most 0.8 of it; a faster motion is followed with a delay."""
     wheel_acceleration: Annotated[float, Bounds(0.01, 1e5, "rad/s^2")] | None = None

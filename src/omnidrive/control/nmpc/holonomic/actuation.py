@@ -14,7 +14,7 @@ from omnidrive.control.nmpc.holonomic.problem import Limits
 from omnidrive.control.reduced_drive import ReducedDrive
 from omnidrive.errors import InvalidInput
 from omnidrive.estimation.drive_estimate import DriveEstimate
-from omnidrive.robot import Chassis, Robot
+from omnidrive.robot import Chassis, Robot, force_share
 from omnidrive.robot.drive_model import DriveModel
 
 
@@ -60,7 +60,12 @@ class Actuation:
 
     @classmethod
     def of(
-        cls, robot: Robot, traction: float = 0.8, *, may_spin: bool = True, delay: float = 0.0
+        cls,
+        robot: Robot,
+        traction: float = force_share.PLANS,
+        *,
+        may_spin: bool = True,
+        delay: float = 0.0,
     ) -> Actuation:
         """Return the model of a robot whose plans use a share of the wheels' friction.
 
