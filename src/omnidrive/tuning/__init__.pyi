@@ -1,4 +1,5 @@
-from .gain import Gain, HeldOut, held_out_gain
+from .balanced import BalancedObjective
+from .gain import Gain, HeldOut, MotionGains, held_out_gain
 from .objective import Limit, Objective, parse_limit, parse_objective
 from .problem import Tuning, TuningSettings, load_tuning, settings_of
 from .report import lead, tuning_tables, write_tuning
@@ -8,11 +9,13 @@ from .space import Dimension, ParameterSpace, parameter_space
 from .tune import TuningResult, equal_budget, tune
 
 __all__ = [
+    "BalancedObjective",
     "Budget",
     "Dimension",
     "Gain",
     "HeldOut",
     "Limit",
+    "MotionGains",
     "Objective",
     "ParameterSpace",
     "RunSets",

@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 from omnidrive.errors import InvalidInput, one_line, suggestion
 from omnidrive.evaluation.measures.quantities import QUANTITIES, Quantity, parse_value
 from omnidrive.evaluation.run_record import RunRecord
+from omnidrive.tuning.task_metrics import has_metric, metric_value, metrics_of
 
 Statistic = Literal["mean", "max"]
 
@@ -63,9 +64,35 @@ class Objective:
     text: str
     terms: tuple[Term, ...]
 
+    def covers(self, task: str) -> bool:
+        """Return whether runs of a task have all metrics of the objective."""
+        return {each.metric.name for each in self.terms} <= metrics_of(task)
+
+    def counts(self, record: RunRecord) -> bool:
+        """Return whether a run has all metrics of the objective, unless it ended too early."""
+        return all(has_metric(record, each.metric.name) for each in self.terms)
+
+    def relative_to(self, before: Sequence[RunRecord], axes: Sequence[str]) -> Objective:
+        """Return the objective with its values before tuning; a sum of metrics needs none.
+
+        Args:
+            before: Runs before tuning.
+            axes: Names of the axes of their study.
+        """
+        del before, axes
+        return self
+
+    def excess(self, records: Sequence[RunRecord]) -> float:
+        """Return how far runs violate what the objective itself permits; 0 for a sum of metrics."""
+        del records
+        return 0.0
+
     def value(self, records: Sequence[RunRecord]) -> float:
-        """Return the objective over runs; infinite if one of them lacks a metric."""
-        total = sum(each.value(records) for each in self.terms)
+        """Return the objective over the runs that count; infinite if one of them has no value."""
+        counted = [each for each in records if self.counts(each)]
+        if not counted:
+            return inf
+        total = sum(each.value(counted) for each in self.terms)
         return total if isfinite(total) else inf
 
     def __str__(self) -> str:
@@ -83,20 +110,22 @@ class Limit(NamedTuple):
     is_upper: bool
     """Whether larger values violate the limit."""
 
+    def covers(self, task: str) -> bool:
+        """Return whether runs of a task have the metric."""
+        return self.metric.name in metrics_of(task)
+
     def violation(self, record: RunRecord) -> float:
-        """Return how far a run exceeds the limit, relative to it; 0 within it, infinite for NaN."""
+        """Return how far a run exceeds the limit, relative to it; 0 within it, infinite for NaN.
+
+        A run of a task without the metric keeps the limit.
+        """
+        if not has_metric(record, self.metric.name):
+            return 0.0
         value = metric_value(record, self.metric.name)
         excess = value - self.bound if self.is_upper else self.bound - value
         if isnan(value):
             return inf
         return max(0.0, excess) / max(abs(self.bound), 1e-9)
-
-
-def metric_value(record: RunRecord, name: str) -> float:
-    """Return a metric or a computing time of a run; NaN if the run has none."""
-    if name == "finished":
-        return float(record.finished)
-    return record.metrics.get(name, record.timing.get(name, nan))
 
 
 def parse_objective(text: str) -> Objective:

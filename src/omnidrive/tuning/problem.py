@@ -20,8 +20,15 @@ from omnidrive.scenario import Scenario
 from omnidrive.scenario.scenario_file import listed, problems_of
 from omnidrive.scenario.section import Section
 from omnidrive.study import StudyDefinition, definition_data, load_definition
-from omnidrive.tuning.objective import Limit, Objective, parse_limit, parse_objective
-from omnidrive.tuning.run_sets import RunSets, check_apart, default_sets, with_controllers
+from omnidrive.tuning.balanced import BALANCED, objective_of
+from omnidrive.tuning.objective import Limit, Objective, parse_limit
+from omnidrive.tuning.run_sets import (
+    RunSets,
+    check_apart,
+    check_measured,
+    default_sets,
+    with_controllers,
+)
 from omnidrive.tuning.search import MAX_TRIALS
 from omnidrive.tuning.space import ParameterSpace, parameter_space
 
@@ -38,8 +45,9 @@ class TuningSettings(Section):
     """Name and version of the file format."""
     controller: str
     """Label of the controller in the scenario."""
-    objectives: Annotated[tuple[str, ...], Field(min_length=1, max_length=4)] = ("me",)
-    """What is minimised; several give a front."""
+    objectives: Annotated[tuple[str, ...], Field(min_length=1, max_length=4)] = (BALANCED,)
+    """What is minimised, by default tracking errors and step responses together; several give a
+    front."""
     limits: Annotated[tuple[str, ...], Field(max_length=20)] = ()
     """Hard limits that every training run keeps."""
     parameters: Annotated[tuple[str, ...], Field(max_length=100)] = ()
@@ -77,8 +85,8 @@ class Tuning:
         sets: Training and held-out runs; the controller of the training set is that before tuning.
 
     Raises:
-        InvalidInput: A setting is invalid, the controller does not exist, or the sets have a run in
-            common.
+        InvalidInput: A setting is invalid, the controller does not exist, runs lack a metric of an
+            objective or a limit, or the sets have a run in common.
     """
 
     settings: TuningSettings
@@ -90,6 +98,7 @@ class Tuning:
             raise InvalidInput(f"the training set has no controller '{one_line(label, 60)}'")
         parts = (self.objectives, self.limits, self.space)  # which raise errors
         assert parts
+        check_measured(self.sets, self.objectives, self.limits)
         check_apart(self.sets)
 
     @property
@@ -100,7 +109,7 @@ class Tuning:
     @property
     def objectives(self) -> tuple[Objective, ...]:
         """What is minimised."""
-        return tuple(map(parse_objective, self.settings.objectives))
+        return tuple(map(objective_of, self.settings.objectives))
 
     @property
     def limits(self) -> tuple[Limit, ...]:
@@ -145,7 +154,7 @@ class Tuning:
             raise InvalidInput(f"the scenario has no controller '{one_line(label, 60)}'")
         default: RunSets | None = None
         if training is None or held_out is None:
-            default = default_sets(scenario, label)
+            default = default_sets(scenario, label, list(map(objective_of, settings.objectives)))
         own = {label: scenario.controllers[label]}
         given = [
             definition or getattr(default, name)

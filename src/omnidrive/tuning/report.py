@@ -21,11 +21,12 @@ from omnidrive.evaluation.page.markup import (
     items_markup,
     tables_markup,
 )
-from omnidrive.evaluation.tables.table import Table
+from omnidrive.evaluation.tables.table import NO_VALUE, Table
 from omnidrive.files.output_file import create_folder, output_file
 from omnidrive.scenario.controller_file import save_controller
 from omnidrive.study import StudyDefinition
 from omnidrive.tuning.figures import front_figure, progress_figure
+from omnidrive.tuning.gain import Gain, HeldOut
 from omnidrive.tuning.optimizers import front
 from omnidrive.tuning.problem import HELD_OUT_FILE, SETTINGS_FILE, TRAINING_FILE
 from omnidrive.tuning.tune import TuningResult
@@ -55,12 +56,35 @@ def lead(result: TuningResult) -> str:
             f"{held_out.failed_after} of {held_out.runs} held-out runs ended early, before tuning "
             f"{held_out.failed_before}; gains are those of the others."
         )
-    return " ".join(sentences)
+    return " ".join([*sentences, *_harm(held_out)])
+
+
+_NAMED = 6  # worse quantities in a sentence
+
+_WORSE = "\u2717 worse"
+"""Result of a quantity that is worse after tuning, also readable without colour."""
+
+
+def _harm(held_out: HeldOut) -> list[str]:
+    """Return the sentence on what is worse after tuning; none: nothing is."""
+    worse = sorted(held_out.worse, key=lambda each: (each[0] != "", -abs(each[1].relative[0])))
+    if not worse:
+        return []
+    names = [f"{each.label} ({each.change})" + f" in {at}" * bool(at) for at, each in worse]
+    rest = len(names) - _NAMED
+    more = f"; and {rest} more, see the table of motions" if rest > 0 else ""
+    return [f"Worse after tuning: {'; '.join(names[:_NAMED])}{more}."]
 
 
 def tuning_tables(result: TuningResult) -> list[Table]:
-    """Return the gain on the held-out set, the changed parameters and, of several, the front."""
-    tables = [_gain_table(result), _change_table(result)]
+    """Return the gains on the held-out set, the changed parameters and, of several, the front.
+
+    The gains on every motion are left out where the values before tuning are kept.
+    """
+    tables = [_gain_table(result)]
+    if result.chosen.number:
+        tables.append(_motion_table(result))
+    tables.append(_change_table(result))
     if len(result.tuning.objectives) > 1:
         tables.append(_front_table(result))
     return tables
@@ -112,19 +136,40 @@ def _front(result: TuningResult) -> list[int]:
 
 
 def _gain_table(result: TuningResult) -> Table:
-    rows = []
-    for each in result.held_out.gains:
-        mean, low, high = (100.0 * share for share in each.relative)
-        change = f"{mean:+z.1f}" if isfinite(mean) else "–"
-        interval = f"[{low:+z.1f}, {high:+z.1f}]" if isfinite(low) else "–"
-        cells = (f"{each.before:.4g}", f"{each.after:.4g}", change, interval)
-        rows.append((each.label, *(cell.replace("-", "\u2212") for cell in cells), each.verdict))
     return Table(
         "Gain on the held-out runs",
-        ("Quantity", "Before", "Tuned", "Change, %", "95 % interval, %", "Result"),
-        tuple(rows),
+        ("Quantity", *_COLUMNS),
+        tuple((each.label, *_cells(each)) for each in result.held_out.gains),
         lead=lead(result),
     )
+
+
+def _motion_table(result: TuningResult) -> Table:
+    return Table(
+        "Every held-out motion",
+        ("Motion", "Quantity", *_COLUMNS),
+        tuple(
+            (motion, each.label, *_cells(each))
+            for motion, gains in result.held_out.motions
+            for each in gains
+        ),
+        keys=2,
+        note="Intervals are over the repetitions of the motion, each at 95 %: of 40 quantities "
+        "without a change, one is marked as worse by chance.",
+    )
+
+
+_COLUMNS = ("Before", "Tuned", "Change, %", "95 % interval, %", "Result")
+
+
+def _cells(gain: Gain) -> tuple[str, ...]:
+    """Return the cells of a gain, see _COLUMNS."""
+    mean, low, high = (100.0 * share for share in gain.relative)
+    change = f"{mean:+z.1f}" if isfinite(mean) else NO_VALUE
+    interval = f"[{low:+z.1f}, {high:+z.1f}]" if isfinite(low) else NO_VALUE
+    cells = (f"{gain.before:.4g}", f"{gain.after:.4g}", change, interval)
+    shown = tuple(cell.replace("-", "\u2212") for cell in cells)
+    return *shown, _WORSE if gain.is_worse else gain.verdict
 
 
 def _change_table(result: TuningResult) -> Table:

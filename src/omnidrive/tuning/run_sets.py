@@ -7,19 +7,22 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from omnidrive.components import Configured
-from omnidrive.errors import InvalidInput
-from omnidrive.scenario import Scenario, plan_at, retime
+from omnidrive.errors import InvalidInput, one_line
+from omnidrive.scenario import Scenario
 from omnidrive.scenario.scenario_file import scenario_data
+from omnidrive.scenario.tasks import Tasks
 from omnidrive.study import RunPlan, StudyDefinition, parse_definition
+from omnidrive.tuning.balanced import BALANCED, BalancedObjective
+from omnidrive.tuning.motions import (
+    balanced_motions,
+    held_out_motions,
+    validation_motions,
+    with_track,
+)
+from omnidrive.tuning.objective import Limit, Objective
 
-TRAINING_REPETITIONS, HELD_OUT_REPETITIONS = 2, 12
+TRAINING_REPETITIONS, HELD_OUT_REPETITIONS = 2, 6
 """Repetitions of the sets that :func:`default_sets` returns; a difference needs 6."""
-
-_SHAPES = ("circle", "eight", "square")
-"""References to which the reference of training does not belong are held out."""
-
-_SLOWER = 1.2
-"""Factor of the durations of a planned path on the held-out set."""
 
 _SEEDS = 2**53
 _HELD_OUT_SEED = 2**40  # difference of the seeds of the sets
@@ -37,40 +40,78 @@ class RunSets(NamedTuple):
     held_out: StudyDefinition
 
 
-def default_sets(scenario: Scenario, label: str) -> RunSets:
+def default_sets(
+    scenario: Scenario, label: str, objectives: Sequence[Objective] = (BalancedObjective(),)
+) -> RunSets:
     """Return training and held-out runs of one controller in a scenario.
 
-    Training has the reference and the durations of the task `track` (of all tasks, if there is no
-    such task), and robots whose mass and friction differ by up to 10 % from the scenario. The
-    held-out set has other seeds, robots that are 10 to 25 % heavier on a floor with 10 to 25 % less
-    friction, and other references: a planned path is driven there in 1.2 times the duration, both
-    ways; for other references it has those of circle, eight and square that training does not have.
-    Wheel angles at the start are random where the plant has rollers. Without forces, sensors or
-    noise nothing is random, and the sets have one repetition.
+    Training has the reference and the durations of the task `track`, for the balanced objective
+    also a reference of another kind and a step response; without this objective and without such a
+    task, the tasks of the scenario that have the metrics of an objective. Its robots have masses
+    and frictions that differ by up to 10 % from the scenario.
+
+    The held-out set has other seeds, robots that are 10 to 25 % heavier on a floor with 10 to 25 %
+    less friction, and the motions of :func:`held_out_motions`, of which training has none. Wheel
+    angles at the start are random where the plant has rollers. Without forces, sensors or noise
+    nothing is random, and the sets have one repetition.
 
     Args:
         scenario: The scenario.
         label: Label of the controller.
+        objectives: What is minimised.
 
     Raises:
         OmnidriveError: The path of the scenario cannot be planned or timed.
     """
-    tasks = scenario.tasks
-    if tasks.track is not None:
-        tasks = type(tasks)(track=tasks.track)
+    balanced = any(isinstance(each, BalancedObjective) for each in objectives)
     robot = scenario.true_robot
     changes: dict[str, Any] = {
-        "tasks": tasks,
+        "tasks": with_track(scenario) if balanced else _tasks(scenario, objectives),
         "controllers": {label: scenario.controllers[label]},
     }
     if scenario.plant.type in {"mujoco-rollers", "planar"}:
         changes["plant_robot"] = robot.model_copy(update={"roller_phase": True})
     base = scenario.model_copy(update=changes)
     other = base.model_copy(update={"seed": (scenario.seed + _HELD_OUT_SEED) % _SEEDS})
+    axes = _axes(balanced_motions(base)) if balanced else {}
+    held_out = _axes(held_out_motions(base, scenario.tasks.step, noise=_is_random(base)))
     return RunSets(
-        _definition("training", base, {}, _TRAINING_ROBOTS, TRAINING_REPETITIONS),
-        _definition("held-out", other, _references(base), _HELD_OUT_ROBOTS, HELD_OUT_REPETITIONS),
+        _definition("training", base, axes, _TRAINING_ROBOTS, TRAINING_REPETITIONS),
+        _definition("held-out", other, held_out, _HELD_OUT_ROBOTS, HELD_OUT_REPETITIONS),
     )
+
+
+def _is_balanced(training: StudyDefinition) -> bool:
+    """Return whether a training set has the motions of the balanced objective."""
+    labels = [(each.path, each.labels) for each in training.axes]
+    return bool(labels) and labels == [("motion", tuple(balanced_motions(training.scenario)))]
+
+
+def _tasks(scenario: Scenario, objectives: Sequence[Objective]) -> Tasks:
+    """Return the task `track` if it has the metrics of an objective; else those that do, or all.
+
+    A task `track` that has none of them is left out, too, if another one has.
+    """
+    tasks = scenario.tasks
+    fit = {
+        name: task
+        for name in type(tasks).model_fields
+        if (task := getattr(tasks, name)) is not None
+        and any(each.covers(name) for each in objectives)
+    }
+    if "track" in fit:
+        fit = {"track": fit["track"]}
+    return Tasks(**fit) if fit else tasks
+
+
+def _axes(cases: dict[str, Any]) -> dict[str, Any]:
+    return {"motion": {"cases": cases}}
+
+
+def _is_random(scenario: Scenario) -> bool:
+    """Return whether forces, sensors or noise make repetitions differ."""
+    forces = scenario.plant_capabilities.forces
+    return forces or scenario.sensors is not None or scenario.tasks.noise is not None
 
 
 def _definition(
@@ -81,14 +122,13 @@ def _definition(
     repetitions: int,
 ) -> StudyDefinition:
     forces = scenario.plant_capabilities.forces
-    is_random = forces or scenario.sensors is not None or scenario.tasks.noise is not None
     data = {
         "format": "omnidrive-study-1",
         "name": name,
         "scenario": scenario_data(scenario),
         "axes": axes,
         "random": {"factors": _factors(robots) if forces else {}},
-        "repetitions": repetitions if is_random else 1,
+        "repetitions": repetitions if _is_random(scenario) else 1,
     }
     return parse_definition(data, f"the {name} set")
 
@@ -104,12 +144,10 @@ def _factors(robots: dict[str, tuple[float, float]]) -> dict[str, Any]:
 def validation_set(training: StudyDefinition) -> StudyDefinition:
     """Return the runs on which the best trials are compared: with other seeds and motions.
 
-    A planned path is driven there in 1.1 and 1.5 times the duration; other references are the
-    slalom, the raised cosine and that of training in 1.5 times the duration and as quickly as the
-    limits of the robot allow, because held-out references may come near these limits. Instead of
+    The motions are those of :func:`validation_motions`. Instead of
     the robots of :func:`default_sets`, it has some that are 25 to 40 % heavier on a floor with 25
     to 40 % less friction: what gains with both kinds of robots, gains with those in between. A
-    training set with axes of its own keeps them, and its robots.
+    training set of a study file with axes keeps them, and its robots.
 
     Raises:
         OmnidriveError: The motion of the scenario cannot be planned or timed.
@@ -122,15 +160,10 @@ def validation_set(training: StudyDefinition) -> StudyDefinition:
         scenario=scenario.model_copy(update={"seed": seed}),
         repetitions=repetitions,
     )
-    if training.axes:
+    is_balanced = _is_balanced(training)
+    if training.axes and not is_balanced:
         return other
-    slow = _durations(scenario, 1.5)
-    if scenario.reference == "path":
-        cases = {"slower": _durations(scenario, 1.1), "slow": slow}
-    else:
-        shapes = _shape_cases(scenario, ("slalom", "raised-cosine"))
-        cases = {"slow": slow, **_quick_case(scenario, slow), **shapes}
-    axes = {"motion": {"cases": cases}}
+    axes = _axes(validation_motions(scenario, balanced=is_balanced))
     moved = _definition("validation", other.scenario, axes, _VALIDATION_ROBOTS, repetitions)
     usual = _factors(_TRAINING_ROBOTS)
     if {each.path: each.source for each in training.random.factors} == usual:
@@ -140,60 +173,6 @@ def validation_set(training: StudyDefinition) -> StudyDefinition:
 
 _VALIDATION_SEED = 2**42
 _MORE_REPETITIONS = 3
-
-
-def _references(scenario: Scenario) -> dict[str, Any]:
-    """Return the axis of the references of the held-out set."""
-    cases: dict[str, Any]
-    if scenario.reference == "path":
-        slower = _durations(scenario, _SLOWER)
-        assert scenario.start is not None
-        assert scenario.goal is not None
-        back = {"start": [*scenario.goal[:2], None], "goal": [*scenario.start[:2], None]}
-        cases = {"slower": slower, "back": {**back, **slower}}
-    else:
-        cases = _shape_cases(scenario, _SHAPES)
-    return {"motion": {"cases": cases}}
-
-
-def _shape_cases(scenario: Scenario, shapes: Sequence[str]) -> dict[str, Any]:
-    """Return the cases of references other than that of the scenario, on an open floor."""
-    cases = {}
-    for shape in shapes:
-        if scenario.reference == "path" or shape != scenario.reference.type:
-            shaped = scenario.with_values(reference={"type": shape}, start=None, map=_NO_MAP)
-            cases[shape] = {
-                "reference": {"type": shape},
-                "map": _NO_MAP,
-                "start": None,
-                **_durations(retime(shaped), 1.0),
-            }
-    return cases
-
-
-def _quick_case(scenario: Scenario, slow: dict[str, Any]) -> dict[str, Any]:
-    """Return the case of the shortest durations.
-
-    There is none for a motion with times of its own, or if it is the slow case, as without tasks
-    along the motion.
-    """
-    planned = plan_at(scenario)
-    quick = _durations(planned.scenario, 1.0)
-    return {} if planned.natural is not None or quick == slow else {"quick": quick}
-
-
-_NO_MAP = {"source": "none"}
-
-
-def _durations(scenario: Scenario, factor: float) -> dict[str, Any]:
-    """Return the settings of the durations of the path, times a factor."""
-    found: dict[str, Any] = {}
-    for name in ("track", "noise"):
-        task = getattr(scenario.tasks, name)
-        if task is not None:
-            durations = [round(factor * each, 6) for each in task.durations]
-            found[f"tasks.{name}.durations"] = durations
-    return found
 
 
 def with_controllers(
@@ -217,3 +196,36 @@ def check_apart(sets: RunSets) -> None:
 
 
 _COMPARED = 10_000  # runs of each set
+
+
+def check_measured(sets: RunSets, objectives: Sequence[Objective], limits: Sequence[Limit]) -> None:
+    """Raise InvalidInput if runs lack what is minimised or limited, before any is simulated.
+
+    Every training run has all metrics of an objective or that of a limit, and every objective and
+    limit has training runs; every objective has held-out runs.
+    """
+    for name, definition in zip(("training", "held-out"), sets, strict=True):
+        plan = RunPlan(definition)
+        tasks = sorted({each.settings.task for each in plan[: min(plan.per_repetition, _COMPARED)]})
+        for objective in objectives:
+            if not any(map(objective.covers, tasks)):
+                raise InvalidInput(_unmeasured(f"the objective {objective.text}", name, tasks))
+        if name == "held-out":
+            continue
+        for limit in limits:
+            if not any(map(limit.covers, tasks)):
+                raise InvalidInput(_unmeasured(f"the limit {limit.text}", name, tasks))
+        for task in tasks:
+            if not any(each.covers(task) for each in (*objectives, *limits)):
+                text = " and ".join(each.text for each in objectives)
+                raise InvalidInput(_unmeasured(f"the objective {text}", name, [task]))
+
+
+def _unmeasured(what: str, name: str, tasks: Sequence[str]) -> str:
+    """Return the message that runs of tasks lack the metrics of an objective or a limit."""
+    known = "settling_time or overshoot_x" if tasks == ["step"] else "me or mae"
+    runs = f"the {name} runs of the task{'s' * (len(tasks) > 1)} {' and '.join(tasks)}"
+    return (
+        f"{one_line(what, 80)} has no value in {runs}; use metrics of one of these tasks, such as "
+        f"{known}, the objective {BALANCED}, or --{name} STUDY with other tasks"
+    )

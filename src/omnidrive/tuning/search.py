@@ -74,6 +74,7 @@ def search(  # noqa: PLR0917
     budget: Budget,
     seed: int,
     *,
+    axes: Sequence[str] = (),
     report: Callable[[Sequence[Trial]], None] = lambda trials: None,
 ) -> SearchResult:
     """Return the trials of a search that begins with the values before tuning.
@@ -89,6 +90,7 @@ def search(  # noqa: PLR0917
         evaluate: Runs controllers on the training set.
         budget: When the search ends.
         seed: Seed of the optimiser.
+        axes: Names of the axes of the training set.
         report: Called after each generation with all trials so far.
 
     Raises:
@@ -102,6 +104,7 @@ def search(  # noqa: PLR0917
     )
     seen: dict[tuple[tuple[str, float], ...], Score] = {}
     trials: list[Trial] = []
+    measured: list[Objective] = []  # the objectives, relative to the runs of the first trial
 
     def try_all(candidates: Sequence[Values]) -> list[Score]:
         """Evaluate candidates that are new; return the scores of all."""
@@ -110,9 +113,12 @@ def search(  # noqa: PLR0917
         made = {key: space.controller_with(values) for key, values in new.items()}
         valid = {key: each for key, each in made.items() if each is not None}
         runs = dict(zip(valid, evaluate(list(valid.values())), strict=True))
+        if not trials:
+            before = next(iter(runs.values()), [])
+            measured.extend(each.relative_to(before, axes) for each in objectives)
         for key, values in new.items():
             records = runs.get(key, [])
-            seen[key] = score_of(records, objectives, limits)
+            seen[key] = score_of(records, measured, limits)
             failed = sum(not each.finished for each in records)
             trials.append(Trial(len(trials), values, seen[key], failed))
         report(trials)
@@ -140,6 +146,7 @@ def score_of(
     values = tuple(each.value(records) for each in objectives)
     lost = sum(not each.finished for each in records)
     excess = sum(limit.violation(each) for limit in limits for each in records)
+    excess += sum(each.excess(records) for each in objectives)
     if not all(map(isfinite, values)):
         lost += 1
     return Score(values, float(lost + (excess if isfinite(excess) else len(records))))

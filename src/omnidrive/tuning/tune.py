@@ -26,6 +26,7 @@ from omnidrive.study import (
     save_definition,
 )
 from omnidrive.study.storage.store import Store
+from omnidrive.tuning.balanced import BalancedObjective
 from omnidrive.tuning.gain import BETTER, WORSE, HeldOut, held_out_gain, validation_gain
 from omnidrive.tuning.objective import Objective
 from omnidrive.tuning.problem import (
@@ -104,7 +105,8 @@ def tune(
         after = tuning.space.controller_with(chosen.values)
         assert after is not None
         records = _held_out_records(tuning, after, path / "held-out", evaluator, report)
-    held_out = held_out_gain(*records, tuning.objectives)
+    axes = [each.name for each in tuning.sets.held_out.axes]
+    held_out = held_out_gain(*records, tuning.objectives, axes)
     return TuningResult(tuning, found, chosen, after, held_out, path, monotonic() - began)
 
 
@@ -118,8 +120,8 @@ def equal_budget(
 ) -> StudyDefinition:
     """Return a study whose controllers are all tuned with the same number of trials.
 
-    Each controller is tuned for ME on the training runs of :func:`default_sets`, which have another
-    seed than the study. A controller without parameters to tune stays as it is.
+    Each controller is tuned for the default objective on the training runs of :func:`default_sets`,
+    which have another seed than the study. A controller without parameters to tune stays as it is.
 
     Args:
         definition: The study.
@@ -188,6 +190,7 @@ def run_search(
             candidates,
             Budget(settings.trials, seconds),
             settings.seed,
+            axes=[each.name for each in training.axes],
             report=note,
         )
         chosen = found.best
@@ -241,10 +244,11 @@ def validate_best(tuning: Tuning, found: SearchResult, candidates: _Candidates) 
     chosen = [first, *(each for each in ordered[:_CONFIRMED] if each is not first)]
     made = [tuning.space.controller_with(each.values) for each in chosen]
     valid = [(trial, each) for trial, each in zip(chosen, made, strict=True) if each is not None]
-    validation, objective = validation_set(tuning.sets.training), tuning.objectives[0]
+    validation = validation_set(tuning.sets.training)
     axes = [each.name for each in validation.axes]
     runs = candidates.on(validation, [each for _, each in valid])
-    scores = [score_of(each, tuning.objectives, tuning.limits) for each in runs]
+    objective = tuning.objectives[0].relative_to(runs[0], axes)
+    scores = [score_of(each, [objective], tuning.limits) for each in runs]
     for k in sorted(range(1, len(valid)), key=lambda k: scores[k].order):
         if scores[0].violation > scores[k].violation:
             return valid[k][0]
@@ -277,11 +281,16 @@ def _shows_loss(
 def _shows_gain(
     before: Sequence[RunRecord], after: Sequence[RunRecord], objective: Objective
 ) -> bool:
-    """Return whether the interval of a gain excludes zero or, of one repetition, all runs gain."""
+    """Return whether the interval of a gain excludes zero or, of one repetition, all runs gain.
+
+    Of one repetition the balanced objective, which permits no worse part, gains as a whole.
+    """
     if validation_gain(before, after, objective).verdict == BETTER:
         return True
-    pairs = zip(before, after, strict=True)
+    pairs = [(b, a) for b, a in zip(before, after, strict=True) if objective.counts(a)]
     single = len({each.repetition for each in after}) == 1
+    if single and isinstance(objective, BalancedObjective):
+        return objective.value(after) < 1.0
     return single and all(objective.value([b]) < objective.value([a]) for a, b in pairs)
 
 

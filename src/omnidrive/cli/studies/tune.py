@@ -38,7 +38,9 @@ _ObjectiveOption = Annotated[
     option(
         "SUM",
         "What is minimised: a sum of metrics in the units of the tables, such as `me+0.1*effort` "
-        "(mm and rad/s²) [default: me]. Given several times: a front (NSGA-II).",
+        "(mm and rad/s²), or `balanced`: the mean change of the errors on two kinds of references "
+        "and of a step response, none of which may grow [default: balanced]. Given several times: "
+        "a front (NSGA-II).",
         _PANEL,
     ),
 ]
@@ -75,8 +77,8 @@ _TrainingOption = Annotated[
     Path | None,
     option(
         "STUDY",
-        "Study file with the training runs [default: those of the task `track`, with two robots "
-        "that differ by up to 10 %].",
+        "Study file with the training runs [default: those of the task `track`, for `balanced` "
+        "also another reference and a step, with two robots that differ by up to 10 %].",
         _PANEL,
     ),
 ]
@@ -84,8 +86,8 @@ _HeldOutOption = Annotated[
     Path | None,
     option(
         "STUDY",
-        "Study file with the runs that measure the gain [default: other references, robots and "
-        "seeds].",
+        "Study file with the runs that measure the gain [default: other references, steps, robots "
+        "and seeds].",
         _PANEL,
     ),
 ]
@@ -124,7 +126,8 @@ def tune(
 
     The tuned parameters are all numbers with bounds, of your own controllers too. CMA-ES minimises
     one objective, NSGA-II finds the front of several. The gain is measured on held-out runs with
-    other references, robots and random numbers, in pairs, with a confidence interval.
+    other references, robots and random numbers, in pairs, with a confidence interval; every metric
+    that is worse after tuning is marked.
 
     The folder holds the tuned controller, parameters.yaml, which `--controller FILE` of compare and
     run takes and scenarios name; trials.csv; and report.html. An interrupted search continues with
