@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from omnidrive.errors import CannotWrite, InvalidInput
-from omnidrive.scenario import Scenario, plan_at, save_scenario
+from omnidrive.scenario import Scenario, paper_scenario, plan_at, save_scenario
 from omnidrive.scenario.controller_file import load_controller
 from omnidrive.study import RunPlan, StudyDefinition, load_definition
 from omnidrive.study.storage.store import Store
@@ -27,6 +27,7 @@ from omnidrive.tuning import (
     tune,
     write_tuning,
 )
+from omnidrive.tuning.balanced import objective_of
 from omnidrive.tuning.run_sets import RunSets, check_apart, validation_set
 from omnidrive.tuning.tune import _shows_gain, _shows_loss
 from tests.command import omnidrive
@@ -48,9 +49,11 @@ def scenario(**changes):
     )
 
 
-def small(trials=10, **changes):
-    chosen = ("position.kp", "heading.kp")
-    settings = TuningSettings(controller="slow", trials=trials, parameters=chosen, **changes)
+def small(trials=10, objectives=("me",), **changes):
+    settings = TuningSettings(
+        controller="slow", trials=trials, objectives=objectives,
+        parameters=("position.kp", "heading.kp"), **changes,
+    )  # fmt: skip
     found = Tuning.of(scenario(), settings)
     held_out = found.sets.held_out.scenario.with_values(
         reference={"type": "eight", "length": 1.5}, tasks={"track": {"durations": [12.0]}}
@@ -233,25 +236,52 @@ def test_many_bad_ranges_are_named_in_part(tmp_path):
     assert len(str(caught.value)) < 2000
 
 
+STEP = {"step": {"displacement": [0.1, 0.0, 0.0], "duration": 2.0}}
+
+
 @pytest.mark.parametrize("plant", ["kinematic", "planar"])
-def test_sets_share_neither_seeds_nor_references_nor_robots(plant):
-    for changes in ({}, {"tasks": {"track": {"durations": [4.0]}, "step": {
-            "displacement": [0.1, 0.0, 0.0], "duration": 2.0}}}):  # fmt: skip
-        sets = default_sets(scenario(plant=plant, **changes), "pid")
-        check_apart(sets)
-        training, held_out = sets
-        assert training.scenario.seed != held_out.scenario.seed
-        assert {run.settings.task for run in RunPlan(training)} == {"track"}
-        shapes = {run.scenario.reference.type for run in RunPlan(held_out)}
-        assert shapes == {"eight", "square"}
-        robots = [
-            {run.factors.get("plant_robot.mass times", 1.0) for run in RunPlan(each)}
-            for each in sets
-        ]
-        if plant == "planar":
-            assert max(robots[0]) < min(robots[1])
+@pytest.mark.parametrize("tasks", [{}, STEP])
+@pytest.mark.parametrize("objective", ["balanced", "me"])
+def test_sets_share_neither_seeds_nor_motions_nor_robots(plant, tasks, objective):
+    tasks = {"track": {"durations": [4.0]}, **tasks}
+    sets = default_sets(scenario(plant=plant, tasks=tasks), "pid", [objective_of(objective)])
+    check_apart(sets)
+    training, held_out = sets
+    assert training.scenario.seed != held_out.scenario.seed
+    motions = [{motion(run) for run in RunPlan(each)} for each in (*sets, validation_set(training))]
+    kinds = [{each[0] for each in found} for found in motions]
+    seen = {"circle", "square", "step"} if objective == "balanced" else {"circle"}
+    assert kinds[0] == seen
+    assert kinds[1] == {"eight", "random-smooth", "step"} | {"square"} - seen
+    assert not motions[0] & motions[1]
+    assert not motions[2] & motions[1]
+    references = {each for each in motions[1] if each[0] != "step"}
+    assert len(references) >= 7  # an interval over references needs six
+    robots = [
+        {run.factors.get("plant_robot.mass times", 1.0) for run in RunPlan(each)} for each in sets
+    ]
+    if plant == "planar":
+        assert max(robots[0]) < min(robots[1])
     with pytest.raises(InvalidInput, match="of the held-out runs are training runs"):
         check_apart(RunSets(training, training))
+
+
+def motion(run):
+    """Return kind and parameters of the motion of a run."""
+    if run.settings.task == "step":
+        return "step", str(run.scenario.tasks.step)
+    return run.scenario.reference.type, str(run.scenario.reference), run.settings.duration
+
+
+def test_planned_path_is_not_driven_in_the_same_time_where_it_is_held_out():
+    training, held_out = default_sets(paper_scenario(), "holonomic-nmpc")
+    assert training.axes[0].labels == ("path", "square", "step", "small step")
+    assert {"slower", "back", "circle", "eight", "random 3"} <= {*held_out.axes[0].labels}
+    seconds = [
+        {run.settings.duration for run in RunPlan(each) if run.scenario.reference == "path"}
+        for each in (training, held_out)
+    ]
+    assert not seconds[0] & seconds[1]
 
 
 def test_validation_has_robots_beyond_those_that_are_held_out():
@@ -264,19 +294,61 @@ def test_validation_has_robots_beyond_those_that_are_held_out():
     (quick,) = {run.settings.duration for run in RunPlan(validation_set(training))
                 if run.factors["motion"] == "quick"}  # fmt: skip
     assert quick == pytest.approx(plan_at(training.scenario).shortest, abs=0.2)
-    step = {"step": {"displacement": [0.1, 0.0, 0.0], "duration": 2.0}}
-    (motion,) = validation_set(default_sets(scenario(tasks=step), "pid").training).axes
-    assert motion.labels == ("slow", "slalom", "raised-cosine")
     own = replace(training, random=held_out.random)
     assert validation_set(own).random == own.random
 
 
+def test_validation_of_step_responses_alone():
+    settling = [objective_of("settling_time")]
+    training, _ = default_sets(scenario(tasks=STEP), "pid", settling)
+    assert {run.settings.task for run in RunPlan(training)} == {"step"}
+    assert {run.settings.task for run in RunPlan(validation_set(training))} == {"step"}
+
+
+def test_faults_that_begin_after_a_motion_ends_are_left_out():
+    faults = [{"kind": "pose-jump", "at": 30.0}]
+    tasks = {"track": {"durations": [40.0]}}
+    training, held_out = default_sets(scenario(tasks=tasks, faults=faults), "pid")
+    found = {run.factors["motion"]: len(run.scenario.faults) for run in RunPlan(training)}
+    assert found == {"circle": 1, "square": 0, "step": 0, "small step": 0}
+    assert not any(run.refused for run in RunPlan(held_out))
+
+
+@pytest.mark.parametrize(
+    ("tasks", "objectives", "limits", "message"),
+    [
+        (STEP, ["me"], [], "the objective me has no value in the training runs of the task step;"),
+        ({"track": {"durations": [4.0]}}, ["overshoot_x"], [], "overshoot_x has no value in"),
+        (STEP, ["me+settling_time"], [], "has no value in the training runs of the task step;"),
+        (STEP, ["balanced"], ["worst_error<=1m"], "the limit worst_error<=1m has no value in"),
+    ],
+)
+def test_objectives_that_no_run_has_are_refused(tasks, objectives, limits, message):
+    settings = TuningSettings(controller="pid", objectives=objectives, limits=limits)
+    with pytest.raises(InvalidInput, match=re.escape(message)) as caught:
+        Tuning.of(scenario(tasks=tasks), settings)
+    assert str(caught.value).count(". ") == 0
+
+
+def test_every_training_task_serves_an_objective_or_a_limit():
+    both = StudyDefinition.from_scenario(scenario(tasks={"track": {"durations": [4.0]}, **STEP}))
+    for objectives, limits in ((["me", "settling_time"], []), (["me"], ["overshoot_x<=5%"])):
+        settings = TuningSettings(controller="pid", objectives=objectives, limits=limits)
+        assert Tuning.of(scenario(), settings, training=both).limits or not limits
+    settings = TuningSettings(controller="pid", objectives=["me"])
+    with pytest.raises(InvalidInput, match="in the training runs of the task step"):
+        Tuning.of(scenario(), settings, training=both)
+
+
 def test_command(tmp_path):
     save_scenario(scenario(), tmp_path / "s.yaml")
-    words = ["tune", "s.yaml", "--controller", "slow", "--trials", 3, "--jobs", 1, "--out", "out"]
-    done = omnidrive(*words, cwd=tmp_path)
+    words = ["tune", "s.yaml", "--controller", "slow", "--trials", 3, "--jobs", 1]
+    done = omnidrive(*words, "--objective", "me", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "on runs that the search has not seen: ME in mm" in done.stdout.replace("\n", " ")
+    for text in ("Every held-out motion", "random 3", "settling time heading, s", "\u2717 worse"):
+        assert text in done.stdout
+        assert text in (tmp_path / "out" / "report.html").read_text()
     again = omnidrive("tune", "out", "--jobs", 1, cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     assert "results: out" in again.stdout
@@ -288,6 +360,7 @@ def test_command(tmp_path):
         ([], "--controller is needed: the scenario has slow, pid"),
         (["--controller", "xy"], "there is no controller 'xy'"),
         (["--controller", "slow", "--objective", "mee"], "did you mean 'me'"),
+        (["--controller", "slow", "--objective", "overshoot_x"], "overshoot_x has no value in"),
         (["--controller", "slow", "--limit", "me<=1"], "needs a unit"),
         (["--controller", "slow", "--parameters", "position.kq"], "did you mean 'position.kp'"),
         (["--controller", "slow", "--range", "position.kp=3"], "--range must be NAME=LOW:HIGH"),

@@ -19,6 +19,9 @@ BALANCED = "balanced"
 TOLERANCE = 0.02
 """Relative increase of an error, a settling time or a peak above which a candidate is worse."""
 
+VALIDATION_TOLERANCE = 0.04
+"""The same on the validation runs, whose robots are further from those of training."""
+
 
 class _Part(NamedTuple):
     """A metric that is compared with its value before tuning."""
@@ -66,12 +69,14 @@ class BalancedObjective(Objective):
         terms: Empty.
         axes: Names of the axes of the study.
         before: Runs before tuning by their pairing.
+        tolerance: Relative increase of a part above which a candidate is worse.
     """
 
     text: str = BALANCED
     terms: tuple[()] = ()
     axes: tuple[str, ...] = ()
     before: Mapping[int, RunRecord] = field(default_factory=dict, compare=False)
+    tolerance: float = TOLERANCE
 
     def covers(self, task: str) -> bool:
         """Return True: all tasks have an error or a step response."""
@@ -88,9 +93,9 @@ class BalancedObjective(Objective):
         return replace(self, axes=tuple(axes), before={each.pairing: each for each in before})
 
     def excess(self, records: Sequence[RunRecord]) -> float:
-        """Return the sum of the increases of parts beyond :data:`TOLERANCE`; 0: none is worse."""
+        """Return the sum of the increases of parts beyond the tolerance; 0: none is worse."""
         changes = [each for motion in self._changes(records) for each in motion]
-        return sum(max(0.0, each - 1.0 - TOLERANCE) for each in changes)
+        return sum(max(0.0, each - 1.0 - self.tolerance) for each in changes)
 
     def value(self, records: Sequence[RunRecord]) -> float:
         """Return the mean change over the runs; infinite if one of them has no value.

@@ -47,7 +47,8 @@ def balanced_motions(scenario: Scenario) -> Cases:
     """Return the training motions of the balanced objective.
 
     The reference of the scenario; one of another kind: a square, whose corners are harder than
-    smooth references, or an eight where the scenario has a square; and a step.
+    smooth references, or an eight where the scenario has a square; and two steps, because a large
+    one saturates the wheels and a small one does not.
 
     Args:
         scenario: The scenario with the tasks of :func:`with_track`.
@@ -57,6 +58,7 @@ def balanced_motions(scenario: Scenario) -> Cases:
         _kind(scenario): _durations(scenario, 1.0),
         other: _tracking(scenario, {"type": other}),
         "step": _step(scenario, scenario.tasks.step),
+        "small step": _step(scenario, scenario.tasks.step, (0.5, -0.5, 0.5)),
     }
 
 
@@ -68,7 +70,7 @@ def validation_motions(scenario: Scenario, *, balanced: bool) -> Cases:
     near these limits, and with it are the slalom and the raised cosine. The balanced objective also
     has the slalom and another step, which is all where no task follows the reference.
     """
-    another_step = _step(scenario, scenario.tasks.step, (0.6, -0.6, 0.8))
+    another_step = _step(scenario, scenario.tasks.step, (-0.8, 0.6, 0.7))
     if not scenario.tasks.path_durations:
         return {"step": another_step}
     slow = _durations(scenario, 1.5)
@@ -90,7 +92,9 @@ def validation_motions(scenario: Scenario, *, balanced: bool) -> Cases:
     return cases
 
 
-def held_out_motions(scenario: Scenario, step: StepTask | None, *, noise: bool) -> Cases:
+def held_out_motions(
+    scenario: Scenario, step: StepTask | None, *, balanced: bool, noise: bool
+) -> Cases:
     """Return the motions on which the gain is measured, of which training has none.
 
     A planned path in 1.2 times the duration, both ways; those of circle, eight and square that
@@ -101,6 +105,7 @@ def held_out_motions(scenario: Scenario, step: StepTask | None, *, noise: bool) 
     Args:
         scenario: The scenario of training.
         step: Step of which the others are multiples; None: that of the paper.
+        balanced: Whether training has the motions of :func:`balanced_motions`.
         noise: Whether one motion has measurement noise.
     """
     cases: Cases = {}
@@ -110,7 +115,7 @@ def held_out_motions(scenario: Scenario, step: StepTask | None, *, noise: bool) 
         assert scenario.goal is not None
         back = {"start": [*scenario.goal[:2], None], "goal": [*scenario.start[:2], None]}
         cases = {"slower": slower, "back": {**back, **slower}}
-    trained = {_kind(scenario), _other_kind(scenario)}
+    trained = {_kind(scenario), *([_other_kind(scenario)] if balanced else [])}
     shapes = [each for each in ("circle", "eight", "square") if each not in trained]
     cases |= {each: _tracking(scenario, {"type": each}) for each in shapes}
     count = max(2, _HELD_OUT_REFERENCES - len(cases))

@@ -154,6 +154,7 @@ def _motion_table(result: TuningResult) -> Table:
             for each in gains
         ),
         keys=2,
+        is_detail=True,
         note="Intervals are over the repetitions of the motion, each at 95 %: of 40 quantities "
         "without a change, one is marked as worse by chance.",
     )

@@ -74,10 +74,10 @@ def default_sets(
     base = scenario.model_copy(update=changes)
     other = base.model_copy(update={"seed": (scenario.seed + _HELD_OUT_SEED) % _SEEDS})
     axes = _axes(balanced_motions(base)) if balanced else {}
-    held_out = _axes(held_out_motions(base, scenario.tasks.step, noise=_is_random(base)))
+    motions = held_out_motions(base, scenario.tasks.step, balanced=balanced, noise=_is_random(base))
     return RunSets(
         _definition("training", base, axes, _TRAINING_ROBOTS, TRAINING_REPETITIONS),
-        _definition("held-out", other, held_out, _HELD_OUT_ROBOTS, HELD_OUT_REPETITIONS),
+        _definition("held-out", other, _axes(motions), _HELD_OUT_ROBOTS, HELD_OUT_REPETITIONS),
     )
 
 

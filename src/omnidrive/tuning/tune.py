@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from json import dumps
 from pathlib import Path
@@ -26,7 +27,7 @@ from omnidrive.study import (
     save_definition,
 )
 from omnidrive.study.storage.store import Store
-from omnidrive.tuning.balanced import BalancedObjective
+from omnidrive.tuning.balanced import VALIDATION_TOLERANCE, BalancedObjective
 from omnidrive.tuning.gain import BETTER, WORSE, HeldOut, held_out_gain, validation_gain
 from omnidrive.tuning.objective import Objective
 from omnidrive.tuning.problem import (
@@ -46,7 +47,7 @@ from omnidrive.tuning.stored_runs import RunEvaluator
 BEFORE, TUNED = "before", "tuned"
 """Labels of the controllers of the held-out study."""
 
-_CONFIRMED = 3  # best trials that are repeated with more repetitions
+_CONFIRMED = 6  # best trials that are repeated with more repetitions
 
 
 class TuningResult(NamedTuple):
@@ -248,6 +249,8 @@ def validate_best(tuning: Tuning, found: SearchResult, candidates: _Candidates) 
     axes = [each.name for each in validation.axes]
     runs = candidates.on(validation, [each for _, each in valid])
     objective = tuning.objectives[0].relative_to(runs[0], axes)
+    if isinstance(objective, BalancedObjective):
+        objective = replace(objective, tolerance=VALIDATION_TOLERANCE)
     scores = [score_of(each, [objective], tuning.limits) for each in runs]
     for k in sorted(range(1, len(valid)), key=lambda k: scores[k].order):
         if scores[0].violation > scores[k].violation:

@@ -167,7 +167,8 @@ def tune(
         )
         for _ in tuning.write_tuning(result):
             pass
-    print_tables(tuning.tuning_tables(result))
+    tables = tuning.tuning_tables(result)
+    print_tables(sorted(tables, key=lambda each: not each.is_detail))  # the result comes last
     conclude(f"results: {folder} (open {folder / 'report.html'})")
 
 
