@@ -215,8 +215,9 @@ def check_measured(sets: RunSets, objectives: Sequence[Objective], limits: Seque
         for limit in limits:
             if not any(map(limit.covers, tasks)):
                 raise InvalidInput(_unmeasured(f"the limit {limit.text}", name, tasks))
+        served: list[Objective | Limit] = [*objectives, *limits]
         for task in tasks:
-            if not any(each.covers(task) for each in (*objectives, *limits)):
+            if not any(each.covers(task) for each in served):
                 text = " and ".join(each.text for each in objectives)
                 raise InvalidInput(_unmeasured(f"the objective {text}", name, [task]))
 

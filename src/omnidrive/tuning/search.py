@@ -79,9 +79,8 @@ def search(  # noqa: PLR0917
 ) -> SearchResult:
     """Return the trials of a search that begins with the values before tuning.
 
-    The trials depend on the seed and on the results of the runs only. Every candidate meets the
-    same training runs with the same random numbers. A candidate violates a hard limit if a run
-    exceeds it, or ends early.
+    The trials depend on the seed and on the results of the runs, which have the same random numbers
+    for all candidates. A candidate violates a hard limit if a run exceeds it, or ends early.
 
     Args:
         space: The parameters.
@@ -110,17 +109,12 @@ def search(  # noqa: PLR0917
         """Evaluate candidates that are new; return the scores of all."""
         keys = [tuple(values.items()) for values in candidates]
         new = {key: values for key, values in zip(keys, candidates, strict=True) if key not in seen}
-        made = {key: space.controller_with(values) for key, values in new.items()}
-        valid = {key: each for key, each in made.items() if each is not None}
-        runs = dict(zip(valid, evaluate(list(valid.values())), strict=True))
+        runs = _runs_of(space, list(new.values()), evaluate)
         if not trials:
-            before = next(iter(runs.values()), [])
-            measured.extend(each.relative_to(before, axes) for each in objectives)
-        for key, values in new.items():
-            records = runs.get(key, [])
-            seen[key] = score_of(records, measured, limits)
-            failed = sum(not each.finished for each in records)
-            trials.append(Trial(len(trials), values, seen[key], failed))
+            measured.extend(each.relative_to(runs[0], axes) for each in objectives)
+        for (key, values), records in zip(new.items(), runs, strict=True):
+            score = seen[key] = score_of(records, measured, limits)
+            trials.append(Trial(len(trials), values, score, sum(not e.finished for e in records)))
         report(trials)
         return [seen[key] for key in keys]
 
@@ -132,6 +126,15 @@ def search(  # noqa: PLR0917
         optimizer.tell(try_all(candidates))
         repeats = repeats + 1 if len(trials) == before else 0
     return SearchResult(trials, best_trial(trials))
+
+
+def _runs_of(
+    space: ParameterSpace, candidates: Sequence[Values], evaluate: Evaluate
+) -> list[list[RunRecord]]:
+    """Return the training runs of candidates; none of one whose values are refused."""
+    made = [space.controller_with(values) for values in candidates]
+    runs = iter(evaluate([each for each in made if each is not None]))
+    return [[] if each is None else next(runs) for each in made]
 
 
 _MAX_REPEATS = 20  # generations in a row without a new candidate, as in a small discrete space

@@ -126,8 +126,7 @@ def tune(
 
     The tuned parameters are all numbers with bounds, of your own controllers too. CMA-ES minimises
     one objective, NSGA-II finds the front of several. The gain is measured on held-out runs with
-    other references, robots and random numbers, in pairs, with a confidence interval; every metric
-    that is worse after tuning is marked.
+    other references, robots and seeds, with a confidence interval; what is worse is marked.
 
     The folder holds the tuned controller, parameters.yaml, which `--controller FILE` of compare and
     run takes and scenarios name; trials.csv; and report.html. An interrupted search continues with
@@ -167,8 +166,7 @@ def tune(
         )
         for _ in tuning.write_tuning(result):
             pass
-    tables = tuning.tuning_tables(result)
-    print_tables(sorted(tables, key=lambda each: not each.is_detail))  # the result comes last
+    print_tables(sorted(tuning.tuning_tables(result), key=lambda each: not each.is_detail))
     conclude(f"results: {folder} (open {folder / 'report.html'})")
 
 
