@@ -103,8 +103,10 @@ def test_settling_time_is_that_of_the_slowest_axis_with_a_step():
 
 def test_balanced_is_a_name_and_no_metric():
     assert objective_of(" balanced ") == BalancedObjective()
-    with pytest.raises(InvalidInput, match="there is no metric 'balanced'"):
+    with pytest.raises(InvalidInput, match="is an objective of its own"):
         objective_of("balanced + me")
+    with pytest.raises(InvalidInput, match="did you mean 'balanced'"):
+        objective_of("balancd")
 
 
 def held_out(scale):

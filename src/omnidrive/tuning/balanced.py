@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import exp, inf, isfinite, log
 from statistics import fmean
 from typing import NamedTuple
 
+from omnidrive.errors import InvalidInput
 from omnidrive.evaluation.measures.step_response import STEP_AXES
 from omnidrive.evaluation.run_record import RunRecord
-from omnidrive.tuning.objective import Objective, parse_objective
+from omnidrive.tuning.objective import BALANCED, Objective, parse_objective
 from omnidrive.tuning.task_metrics import compared_value
-
-BALANCED = "balanced"
-"""Name of the default objective."""
 
 TOLERANCE = 0.02
 """Relative increase of an error, a settling time or a peak above which a candidate is worse."""
@@ -44,9 +43,17 @@ def objective_of(text: str) -> Objective:
     """Return the objective of a text: the balanced one by its name, or a sum of metrics.
 
     Raises:
-        InvalidInput: See :func:`~omnidrive.tuning.objective.parse_objective`.
+        InvalidInput: See :func:`~omnidrive.tuning.objective.parse_objective`; or the balanced one
+            is part of a sum.
     """
-    return BalancedObjective() if text.strip() == BALANCED else parse_objective(text)
+    if text.strip() == BALANCED:
+        return BalancedObjective()
+    if BALANCED in re.findall(r"\w+", text[:1000]):
+        raise InvalidInput(
+            f"{BALANCED} is an objective of its own, not a metric of a sum: give it alone, or both "
+            "as two objectives for a front"
+        )
+    return parse_objective(text)
 
 
 def motion_of(record: RunRecord, axes: Sequence[str]) -> str:

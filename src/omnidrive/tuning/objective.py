@@ -19,6 +19,9 @@ Statistic = Literal["mean", "max"]
 SHORT_NAMES = {"effort": "wheel_acceleration", "computing_time": "step_time_median"}
 """Names of metrics in objectives, besides those of the columns."""
 
+BALANCED = "balanced"
+"""Name of the default objective, which is no sum of metrics."""
+
 _MAX_LENGTH = 300
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _METRIC = r"(?:(mean|max)\()?\s*([A-Za-z_]\w*)\s*(?:\[([^\[\]]{1,12})\])?\s*(\))?"
@@ -205,7 +208,7 @@ def _metric(name: str) -> Quantity:
     """Return a metric by its name or short name."""
     found = QUANTITIES.get(SHORT_NAMES.get(name, name))
     if found is None:
-        known = [*QUANTITIES, *SHORT_NAMES]
+        known = [*QUANTITIES, *SHORT_NAMES, BALANCED]
         raise InvalidInput(
             f"there is no metric '{one_line(name, 60)}'{suggestion(name, known, maximum=12)}"
         )

@@ -20,8 +20,8 @@ from omnidrive.scenario import Scenario
 from omnidrive.scenario.scenario_file import listed, problems_of
 from omnidrive.scenario.section import Section
 from omnidrive.study import StudyDefinition, definition_data, load_definition
-from omnidrive.tuning.balanced import BALANCED, objective_of
-from omnidrive.tuning.objective import Limit, Objective, parse_limit
+from omnidrive.tuning.balanced import objective_of
+from omnidrive.tuning.objective import BALANCED, Limit, Objective, parse_limit
 from omnidrive.tuning.run_sets import (
     RunSets,
     check_apart,

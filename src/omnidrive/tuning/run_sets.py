@@ -12,14 +12,14 @@ from omnidrive.scenario import Scenario
 from omnidrive.scenario.scenario_file import scenario_data
 from omnidrive.scenario.tasks import Tasks
 from omnidrive.study import RunPlan, StudyDefinition, parse_definition
-from omnidrive.tuning.balanced import BALANCED, BalancedObjective
+from omnidrive.tuning.balanced import BalancedObjective
 from omnidrive.tuning.motions import (
     balanced_motions,
     held_out_motions,
     validation_motions,
     with_track,
 )
-from omnidrive.tuning.objective import Limit, Objective
+from omnidrive.tuning.objective import BALANCED, Limit, Objective
 
 TRAINING_REPETITIONS, HELD_OUT_REPETITIONS = 2, 6
 """Repetitions of the sets that :func:`default_sets` returns; a difference needs 6."""
