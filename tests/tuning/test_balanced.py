@@ -6,12 +6,23 @@ from math import exp, inf, log, nan
 import pytest
 
 from omnidrive.errors import InvalidInput
-from omnidrive.tuning import Budget, Gain, held_out_gain, parameter_space, search
+from omnidrive.tuning import (
+    Budget,
+    Gain,
+    Tuning,
+    TuningSettings,
+    held_out_gain,
+    load_tuning,
+    parameter_space,
+    search,
+    tune,
+)
 from omnidrive.tuning.balanced import BalancedObjective, objective_of
 from omnidrive.tuning.report import _harm
 from omnidrive.tuning.search import score_of
 from omnidrive.tuning.task_metrics import compared_value, metric_value
 from tests.tuning.synthetic import lqr, record
+from tests.tuning.test_tune import scenario
 
 AXES = ("motion",)
 
@@ -160,3 +171,26 @@ def test_direction_and_zero_before():
     worse = {gain.label: gain.change for motion, gain in found.worse if not motion}
     assert worse == {"min. clearance, mm": "−50.0 %", "collisions": "from 0 to 1"}
     assert isinstance(found.gains[0], Gain)
+
+
+def test_default_tuning_gains_on_other_motions_and_resumes(tmp_path):
+    settings = TuningSettings(
+        controller="slow", trials=16, parameters=("position.kp", "heading.kp")
+    )
+    result = tune(Tuning.of(scenario(), settings), tmp_path)
+    assert [each.text for each in result.tuning.objectives] == ["balanced"]
+    assert result.search.trials[0].score.objectives == pytest.approx((1.0,))
+    assert result.chosen.score.violation == 0.0
+    gain = result.held_out.gain("balanced")
+    assert gain.verdict == "better"
+    assert len(result.held_out.motions) == 9
+    steps = [each for each in result.held_out.motions if each.motion.startswith("step")]
+    for each in steps:
+        found = {gain.label: gain for gain in each.gains}
+        for axis in ("x", "y", "heading"):
+            overshoot = found[f"overshoot {axis}, %"]
+            assert overshoot.after < overshoot.before + 4.0
+    again = tune(load_tuning(tmp_path), tmp_path)
+    assert (again.search, again.chosen, again.held_out) == (
+        result.search, result.chosen, result.held_out,
+    )  # fmt: skip
