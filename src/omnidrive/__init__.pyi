@@ -23,7 +23,15 @@ from .deploy import DriveControls, DriveResult, RobotLink, SimulatedLink, Simula
 from .errors import OmnidriveError
 from .estimation import PoseEstimator, PoseFix, SensorReadings, State, StateEstimator
 from .estimation.components import EstimatorContext
-from .evaluation import Metrics, StepResponse, measure, plot, step_response
+from .evaluation import (
+    LoopMargins,
+    Metrics,
+    StepResponse,
+    loop_margins,
+    measure,
+    plot,
+    step_response,
+)
 from .geometry import BodyTwist, Pose, WorldTwist, to_body, to_world, wrap
 from .maps import OccupancyGrid, load_map, load_nav2_map, paper_map, save_nav2_map
 from .parameter import Bounds
@@ -88,6 +96,7 @@ __all__ = [
     "HolonomicSolver",
     "KeepOutZone",
     "KinematicPlant",
+    "LoopMargins",
     "Metrics",
     "MotionLimits",
     "MujocoPlant",
@@ -150,6 +159,7 @@ __all__ = [
     "load_run",
     "load_scenario",
     "load_waypoints",
+    "loop_margins",
     "measure",
     "minimum_time",
     "named_robot",

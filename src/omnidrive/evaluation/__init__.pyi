@@ -1,4 +1,5 @@
 from .figures import plot
+from .measures.loop_margins import LoopAxis, LoopMargins, loop_margins
 from .measures.metrics import Metrics, heading_error, measure, position_error
 from .measures.path_error import PathErrors, path_errors
 from .measures.recovery import Recovery, recovery
@@ -13,6 +14,8 @@ from .verdict import TaskVerdict
 
 __all__ = [
     "STEP_AXES",
+    "LoopAxis",
+    "LoopMargins",
     "Metrics",
     "PathErrors",
     "RecordedRun",
@@ -24,6 +27,7 @@ __all__ = [
     "Table",
     "TaskVerdict",
     "heading_error",
+    "loop_margins",
     "measure",
     "path_errors",
     "plot",
