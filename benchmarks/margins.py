@@ -46,8 +46,8 @@ CONTROLLERS: dict[str, tuple[str, dict[str, Any]]] = {
     **{
         name: (name, {})
         for name in (
-            "unicycle-nmpc", "linear-mpc", "lqr", "feedforward", "adrc", "sliding-mode", "mppi", "pid",
-            "fuzzy_t1", "fuzzy_t2", "fuzzy_t3",
+            "unicycle-nmpc", "linear-mpc", "lqr", "feedforward", "adrc", "sliding-mode", "mppi",
+            "pid", "fuzzy_t1", "fuzzy_t2", "fuzzy_t3",
         )
     },
 }  # fmt: skip

@@ -105,15 +105,10 @@ def loop_margins(
     check_number("at", at, Bounds(0.0, 1e4, "s"))
     check_number("response", response, Bounds(10.0 * dt, 1e4, "s"))
     check_number("amplitude", amplitude, Bounds(1e-9, 1.0, "m/s or rad/s"))
-    first, count = round(at / dt), round(response / dt)
-    if round(reference.duration / dt) < first + count:
-        raise InvalidInput(
-            f"the reference lasts {reference.duration:g} s: the impulse at {at:g} s and its "
-            f"response of {response:g} s need {at + response:g} s"
-        )
     column = get_args(LoopAxis).index(axis)
+    first, end = _samples(reference, dt, at, response)
     still, plus, minus = (
-        _executed(plant, controller, reference, dt, _Impulse(first, column, size))[: first + count]
+        _executed(plant, controller, reference, dt, _Impulse(first, column, size))[:end]
         for size in (0.0, amplitude, -amplitude)
     )
     if not np.array_equal(still[:first], plus[:first]):
@@ -127,6 +122,18 @@ def loop_margins(
     return margins_of_response(impulse_response, dt)._replace(
         nonlinearity=float(0.5 * np.abs(up - down).max() / largest)
     )
+
+
+def _samples(reference: Reference, dt: float, at: float, response: float) -> tuple[int, int]:
+    """Return the sample of the impulse, and that at the end of its response."""
+    first = round(at / dt)
+    end = first + round(response / dt)
+    if round(reference.duration / dt) < end:
+        raise InvalidInput(
+            f"the reference lasts {reference.duration:g} s: the impulse at {at:g} s and its "
+            f"response of {response:g} s need {at + response:g} s"
+        )
+    return first, end
 
 
 def margins_of_response(s: Float[Array, " samples"], dt: float) -> LoopMargins:
