@@ -1,6 +1,6 @@
 """Stability margins compared with closed forms and with python-control."""
 
-from math import asin, degrees, inf, isnan, pi
+from math import asin, degrees, inf, isnan, nan, pi
 
 import control
 import numpy as np
@@ -150,7 +150,7 @@ class Failing(Drawn):
 @pytest.mark.parametrize(
     ("controller", "options", "message"),
     [
-        (FeedforwardController(0.1), {"axis": "z"}, "axis"),
+        (FeedforwardController(0.1), {"axis": "z"}, "component of the command"),
         (FeedforwardController(0.1), {"at": 10.0}, "the reference lasts 24 s"),
         (FeedforwardController(0.1), {"response": 1.0}, "after 1 s: give it more time to decay"),
         (FeedforwardController(0.1), {"amplitude": 0.0}, "amplitude"),
@@ -162,6 +162,19 @@ class Failing(Drawn):
 def test_what_cannot_be_measured_is_refused(controller, options, message):
     with pytest.raises(InvalidInput, match=message):
         loop_margins(KinematicPlant(ROBOT), controller, REST, **{"dt": 0.1} | options)
+
+
+@pytest.mark.parametrize(
+    ("plant", "reference", "message"),
+    [
+        (None, REST, "the first argument is the plant, got None"),
+        (KinematicPlant(ROBOT), REST.pose, "the third argument is the reference, got a Pose"),
+        (KinematicPlant(ROBOT), Hold(REST.pose, nan), "the duration of the reference is nan"),
+    ],
+)
+def test_parts_are_checked(plant, reference, message):
+    with pytest.raises(InvalidInput, match=message):
+        loop_margins(plant, FeedforwardController(0.1), reference, dt=0.1)
 
 
 def test_a_failed_run_is_reported():

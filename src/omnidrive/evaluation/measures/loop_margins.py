@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, nan
+from math import inf, isfinite, nan
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -11,9 +11,9 @@ from jaxtyping import Complex, Float
 from omnidrive.arrays import Array
 from omnidrive.control import Controller
 from omnidrive.control.controller import CommandValue
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, kind_of, short_repr
 from omnidrive.geometry import BodyTwist, Pose
-from omnidrive.parameter import Bounds, check_choice, check_number, check_sample_time
+from omnidrive.parameter import Bounds, check_choice, check_number, check_sample_time, is_number
 from omnidrive.reference import Reference
 from omnidrive.simulation import Plant, PlantCapabilities, PlantState, simulate
 
@@ -96,11 +96,13 @@ def loop_margins(
         amplitude: Amplitude of the impulse, m/s or rad/s.
 
     Raises:
-        InvalidInput: The reference is too short, the response of a stable loop has not decayed at
-            its end, the controller does not repeat its commands or commands no body twists.
+        InvalidInput: An argument is of another kind, the reference is too short, the response of a
+            stable loop has not decayed at its end, the controller does not repeat its commands or
+            commands no body twists.
         RunFailed: A simulation ends early.
     """
-    check_choice("axis", axis, get_args(LoopAxis))
+    _check_parts(plant, reference)
+    check_choice("component of the command", axis, get_args(LoopAxis))
     check_sample_time(dt)
     check_number("at", at, Bounds(0.0, 1e4, "s"))
     check_number("response", response, Bounds(10.0 * dt, 1e4, "s"))
@@ -122,6 +124,16 @@ def loop_margins(
     return margins_of_response(impulse_response, dt)._replace(
         nonlinearity=float(0.5 * np.abs(up - down).max() / largest)
     )
+
+
+def _check_parts(plant: object, reference: object) -> None:
+    """Check plant and reference; a simulation checks the controller."""
+    if not isinstance(plant, Plant):
+        raise InvalidInput(f"the first argument is the plant, got {kind_of(plant)}")
+    if not isinstance(reference, Reference):
+        raise InvalidInput(f"the third argument is the reference, got {kind_of(reference)}")
+    if not is_number(reference.duration) or not isfinite(reference.duration):
+        raise InvalidInput(f"the duration of the reference is {short_repr(reference.duration)}")
 
 
 def _samples(reference: Reference, dt: float, at: float, response: float) -> tuple[int, int]:
