@@ -57,13 +57,14 @@ AXES = ("x", "y", "yaw")
 MEASURED = ("x", "yaw")
 MOTIONS = ("moving", "standing")
 SPEED, RAMP = 0.4, 1.0  # m/s, s
-AT, RESPONSE = 4.0, 20.0  # s
+AT, RESPONSE, AHEAD = 4.0, 16.0, 2.0  # s; the last is longer than every horizon
 BEFORE, BEYOND = 0.8, 1.2  # of the delay margin
 OFFSET = 1e-3  # m, rad
-PERIODS = 16  # of the crossover frequency, in a run that confirms
-DECAYED = 0.5  # at most, the last quarter of such a run over the first
+PERIODS = 12  # of the crossover frequency, in a run that confirms
+DECAYED = 0.1  # at most, the last quarter of such a run over the first
+PERSISTS = 0.5  # at least, the last quarter over the second
 IDENTIFYING = ("holonomic-nmpc",)
-NONLINEAR = 0.1
+NONLINEAR = 0.02
 
 
 class Line(WindowReference):
@@ -165,7 +166,7 @@ def reference_of(cell: Cell, duration: float) -> Reference:
 
 def measured(cell: Cell) -> Result:
     """Return the margins of one axis, confirmed with this axis late."""
-    reference = reference_of(cell, AT + RESPONSE + 4.0)
+    reference = reference_of(cell, AT + RESPONSE + AHEAD)
     try:
         margins = loop_margins(
             plant_of(cell.robot), controller_of(cell), reference, dt=cell.dt, axis=cell.axis,
@@ -183,26 +184,31 @@ def confirmed(cell: Cell, margins: LoopMargins, late: Sequence[str]) -> bool:
     if not isfinite(margins.delay_margin):
         return False
     duration = PERIODS * 2.0 * pi / margins.delay_frequency
-    ratio = partial(envelope_ratio, cell, duration=duration, late=late)
-    decays = ratio(BEFORE * margins.delay_margin) < DECAYED
-    if cell.controller in IDENTIFYING:
-        return decays
-    return decays and ratio(BEYOND * margins.delay_margin) >= 1.0
+    run = partial(envelope, cell, duration=duration, late=late)
+    first, _, _, last = run(BEFORE * margins.delay_margin)
+    if cell.controller in IDENTIFYING or last >= DECAYED * first:
+        return last < DECAYED * first
+    first, second, _, last = run(BEYOND * margins.delay_margin)
+    return last >= max(DECAYED * first, PERSISTS * second)
 
 
-def envelope_ratio(cell: Cell, delay: float, duration: float, late: Sequence[str]) -> float:
-    """Return the largest effect of a small offset in the last quarter of a run over the first."""
-    column, robot = AXES.index(cell.axis), plant_of(cell.robot)
+def envelope(cell: Cell, delay: float, duration: float, late: Sequence[str]) -> list[float]:
+    """Return the largest effect of a small offset in each quarter of a run, m or rad."""
+    poses = poses_of(cell, delay, duration, late, OFFSET)
+    if cell.motion == "moving":  # standing on the reference, nothing moves
+        poses = poses - poses_of(cell, delay, duration, late, 0.0)
+    return [float(np.abs(quarter).max()) for quarter in np.array_split(poses, 4)]
+
+
+def poses_of(
+    cell: Cell, delay: float, duration: float, late: Sequence[str], offset: float
+) -> Float[Array, " samples"]:
+    """Return one coordinate of the robot, from the offset on."""
+    plant = LatePlant(plant_of(cell.robot), delay, late, PoseOffset(**{cell.axis: offset}))
     reference = reference_of(cell, AT + duration)
-    poses = []
-    for size in (0.0, OFFSET):
-        offset = PoseOffset(**{cell.axis: size})
-        plant = LatePlant(robot, delay, late, offset)
-        start = Pose(0.0, 0.0, 0.0)
-        run = simulate(plant, controller_of(cell), reference, start=start, dt=cell.dt)
-        poses.append(run.raise_if_failed().pose[round(AT / cell.dt) + 1 :, column])
-    quarters = np.array_split(np.abs(poses[1] - poses[0]), 4)
-    return float(quarters[-1].max() / quarters[0].max())
+    start = Pose(0.0, 0.0, 0.0)
+    run = simulate(plant, controller_of(cell), reference, start=start, dt=cell.dt)
+    return run.raise_if_failed().pose[round(AT / cell.dt) + 1 :, AXES.index(cell.axis)]
 
 
 def jointly_confirmed(cell: Cell, margins: LoopMargins) -> bool:

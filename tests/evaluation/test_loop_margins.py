@@ -152,7 +152,11 @@ class Failing(Drawn):
     [
         (FeedforwardController(0.1), {"axis": "z"}, "component of the command"),
         (FeedforwardController(0.1), {"at": 10.0}, "the reference lasts 24 s"),
-        (FeedforwardController(0.1), {"response": 1.0}, "after 1 s: give it more time to decay"),
+        (
+            FeedforwardController(0.05),
+            {"dt": 0.05, "response": 0.5},
+            "after 0.5 s: give it more time to decay",
+        ),
         (FeedforwardController(0.1), {"amplitude": 0.0}, "amplitude"),
         (FeedforwardController(0.1), {"dt": 0.2}, "0.1 s"),
         (Drawn(), {}, "does not repeat its commands"),

@@ -25,7 +25,7 @@ _FREQUENCIES = 1 << 15
 _PEAK_OF_INTEREST = 1e-3
 """Frequencies at which S is below this share of its peak, near 0 of a loop with an integrator, are
 left out: |L| is beyond 1000 there, and the end of the response decides about its sign."""
-_DECAYED = 1e-3
+_DECAYED = 1e-2
 """Largest value in the last tenth of a response that has decayed, over that of the response."""
 
 
@@ -72,7 +72,7 @@ def loop_margins(
     axis: LoopAxis = "x",
     at: float = 4.0,
     response: float = 20.0,
-    amplitude: float = 1e-4,
+    amplitude: float = 1e-2,
 ) -> LoopMargins:
     """Measure the stability margins of a controller on a plant, of any kind, at one motion.
 
@@ -93,7 +93,8 @@ def loop_margins(
         axis: Component of the command.
         at: Time of the impulse, s.
         response: Time in which the response to the impulse decays, s.
-        amplitude: Amplitude of the impulse, m/s or rad/s.
+        amplitude: Amplitude of the impulse, m/s or rad/s. Plants integrate in steps, so that the
+            effect of rollers that reach the floor is not proportional to a very small one.
 
     Raises:
         InvalidInput: An argument is of another kind, the reference is too short, the response of a
