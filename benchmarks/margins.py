@@ -194,10 +194,8 @@ def confirmed(cell: Cell, margins: LoopMargins, late: Sequence[str]) -> bool:
 
 def envelope(cell: Cell, delay: float, duration: float, late: Sequence[str]) -> list[float]:
     """Return the largest effect of a small offset in each quarter of a run, m or rad."""
-    poses = poses_of(cell, delay, duration, late, OFFSET)
-    if cell.motion == "moving":  # standing on the reference, nothing moves
-        poses = poses - poses_of(cell, delay, duration, late, 0.0)
-    return [float(np.abs(quarter).max()) for quarter in np.array_split(poses, 4)]
+    moved, still = (poses_of(cell, delay, duration, late, offset) for offset in (OFFSET, 0.0))
+    return [float(np.abs(quarter).max()) for quarter in np.array_split(moved - still, 4)]
 
 
 def poses_of(
