@@ -322,7 +322,8 @@ def test_odometry_error_matches_its_covariance_at_hard_starts():
         error = np.array(twist_between(state.pose, truth.pose, 1.0))
         covariance = perception.estimator.filter_state.covariance[POSE, POSE]
         squares.append(error @ np.linalg.solve(covariance, error))
-    assert 1.0 < np.mean(squares) < 4.5  # 3 with exact models of slip and of its error
+    # 3 with exact models of slip and of its error; slip_error covers 20 % of error of the friction
+    assert 0.5 < np.mean(squares) < 4.5
 
 
 @pytest.mark.parametrize("wheels", ["rollers", "ball"])

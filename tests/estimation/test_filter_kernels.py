@@ -65,7 +65,7 @@ def test_predicted_slip_solves_the_differential_equation():
     model = estimator._model
     speeds = np.array([0.7, 0.2, 0.6, 1.1])
     odometry = Odometry(speeds * DT, nan, DT, 1.0)
-    slip, mean, last = predict_slip(np.zeros(3), odometry, model)
+    slip, mean, last = predict_slip(np.zeros(3), odometry, model.rim_jacobian, model)
 
     def law(_, state):
         body = state[:3]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
+from math import pi, sqrt, tan
 from typing import Any
 
 from omnidrive.robot.checks import check_no_faults, negative, not_positive
@@ -59,6 +60,30 @@ class OmniWheel:
     def hub_inertia(self) -> float:
         """Inertia of hub and rim about the axle, in kg m^2; a disc of 0.7 times the radius."""
         return 0.5 * self.mass * (0.7 * self.radius) ** 2
+
+
+def contact_drift(wheel: OmniWheel, roller_angle: float) -> float:
+    """Return how far along the axle the contact moves on half a roller, m, signed.
+
+    A tilted roller ahead of the axle touches the floor behind its centre, hence beside the wheel.
+    """
+    return (wheel.radius - wheel.roller_radius) * tan(pi / wheel.rollers) * tan(roller_angle)
+
+
+def contact_spread(wheel: OmniWheel, roller_angle: float) -> tuple[float, float]:
+    """Return the standard deviation and the correlation length of a contact's offset, m, m.
+
+    The offset is that of the contact with the floor along the axle, at a random wheel angle; the
+    length is the displacement of the rim over which its autocorrelation decreases to 1/e by its
+    slope at the origin. Of two rows it is a square wave of height ``row_gap / 2``, whose
+    autocorrelation starts as 1 - 2 d / pitch, with the pitch from a roller to the next one of any
+    row; of a single row of tilted rollers it is a saw tooth of height :func:`contact_drift`, with
+    1 - 6 d / pitch.
+    """
+    rows = wheel.row_gap**2 * (wheel.rows**2 - 1) / 12.0
+    drift = contact_drift(wheel, roller_angle) ** 2 / 3.0
+    pitch = 2.0 * pi * wheel.radius / wheel.rollers
+    return sqrt(rows + drift), pitch / (2.0 if wheel.rows > 1 else 6.0)
 
 
 def wheel_faults(values: Mapping[str, Any]) -> list[str]:

@@ -9,9 +9,18 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.estimation.pose_filter.filter_state import FIX_BIAS, POSE, SIZE, FilterState
+from omnidrive.estimation.pose_filter.filter_state import FIX_BIAS, POSE, FilterState
 from omnidrive.estimation.pose_filter.matrices import congruence, inverse, product
 from omnidrive.estimation.pose_filter.se2 import compose, exponential, logarithm, relative_pose
+
+UNKNOWN_YAW = 1e3
+"""Standard deviation of a yaw that a fix does not measure, rad."""
+INITIAL_COUNT = 10.0
+"""Number of fixes with the information of the stated covariance: how slowly it is adapted."""
+_MAX_COUNT = 200.0
+"""Largest number of fixes that the adaptation averages."""
+_SCALES = (0.1, 10.0)
+"""Least and largest ratio of the fixes' covariance to the stated one."""
 
 
 @compiled
@@ -33,16 +42,17 @@ def correct(
         gate: NIS above which the fix is rejected; ``state`` is then returned unchanged.
     """
     mean, covariance = state.mean, state.covariance
+    size = len(mean)
     innovation = logarithm(relative_pose(mean[POSE], fix - mean[FIX_BIAS]))
     c, s = cos(mean[2]), sin(mean[2])
-    observation = np.zeros((3, SIZE))
+    observation = np.zeros((3, size))
     by_pose, by_bias = observation[:, POSE], observation[:, FIX_BIAS]
     by_pose[0, 0] = by_pose[1, 1] = by_pose[2, 2] = by_bias[2, 2] = 1.0
     by_bias[0, 0], by_bias[0, 1] = c, s
     by_bias[1, 0], by_bias[1, 1] = -s, c
     noise = np.zeros((3, 3))
-    noise[0, 0] = noise[1, 1] = sigma[0] ** 2
-    noise[2, 2] = sigma[1] ** 2
+    noise[0, 0] = noise[1, 1] = state.fix_scale * sigma[0] ** 2
+    noise[2, 2] = state.fix_scale * sigma[1] ** 2
     innovation_covariance = congruence(observation, covariance)
     for i in range(3):
         innovation_covariance[i, i] += noise[i, i]
@@ -54,14 +64,58 @@ def correct(
     if not nis <= gate:
         return state, nis
     gain = product(product(covariance, np.ascontiguousarray(observation.T)), information)
-    factor = np.eye(SIZE) - product(gain, observation)
+    factor = np.eye(size) - product(gain, observation)
     corrected = congruence(factor, covariance) + congruence(gain, noise)
-    new_mean, step = mean.copy(), np.zeros(SIZE)
-    for i in range(SIZE):
+    new_mean, step = mean.copy(), np.zeros(size)
+    for i in range(size):
         for j in range(3):
             step[i] += gain[i, j] * innovation[j]
         new_mean[i] += step[i]
     new_mean[POSE] = compose(mean[POSE], exponential(step[POSE]))
+    measured = 2 if sigma[1] >= UNKNOWN_YAW else 3
+    scale, count = _adapt_scale(state, innovation, information, noise, measured)
     return FilterState(
-        new_mean, corrected, state.velocity, state.excess_slip, state.unobserved_time
+        new_mean,
+        corrected,
+        state.velocity,
+        state.excess_slip,
+        state.unobserved_time,
+        scale,
+        count,
     ), nis
+
+
+@compiled
+def _adapt_scale(
+    state: FilterState,
+    innovation: Float[Array, " 3"],
+    information: Float[Array, "3 3"],
+    noise: Float[Array, "3 3"],
+    measured: int,
+) -> tuple[float, float]:
+    """Return the ratio of the fixes' covariance to the stated one, and its number of fixes.
+
+    A recursive maximum-likelihood estimate from the innovations (Mehra, "On the identification of
+    variances and adaptive Kalman filtering", IEEE TAC 15, 1970): with the innovation covariance S
+    and the fixes' covariance R, the score of the ratio is
+    ``(innovation^T S^-1 R S^-1 innovation - tr(S^-1 R)) / 2`` and its information
+    ``tr((S^-1 R)^2) / 2``. A gain of 2 / count forgets the stated value quadratically in the number
+    of fixes.
+
+    Args:
+        state: Filter state before the fix.
+        innovation: Of the fix.
+        information: Inverse of its covariance.
+        noise: Covariance of the fix, diagonal.
+        measured: Number of measured components.
+    """
+    score, weight = 0.0, 0.0
+    for i in range(measured):
+        weighted = 0.0
+        for j in range(measured):
+            weighted += information[i, j] * innovation[j]
+            weight += information[i, j] ** 2 * noise[i, i] * noise[j, j]
+        score += noise[i, i] * (weighted * weighted - information[i, i])
+    count = min(state.fix_count + weight / measured, _MAX_COUNT)
+    scale = state.fix_scale * (1.0 + 2.0 * score / measured / count)
+    return min(max(scale, _SCALES[0]), _SCALES[1]), count

@@ -12,7 +12,8 @@ POSE, GYRO_BIAS, FIX_BIAS, FIX_BIAS_RATE = slice(0, 3), 3, slice(4, 7), slice(7,
 """Indices into the state vector: pose of B in W (m, m, rad), bias of the gyro (rad/s), bias of the
 pose fixes (m, m, rad in W) and its rate of change (per second)."""
 SIZE = 10
-"""Length of the state vector."""
+"""Number of these components. The state vector continues with the offset of each wheel's contact
+with the floor along its axle, outwards, m, if the contacts move."""
 
 
 class FilterState(NamedTuple):
@@ -24,10 +25,10 @@ class FilterState(NamedTuple):
     directly. All other errors are differences, true minus mean.
     """
 
-    mean: Float[Array, " 10"]
+    mean: Float[Array, " size"]
     """State vector; see :data:`POSE`, :data:`GYRO_BIAS`, :data:`FIX_BIAS`,
-    :data:`FIX_BIAS_RATE`."""
-    covariance: Float[Array, "10 10"]
+    :data:`FIX_BIAS_RATE`, :data:`SIZE`."""
+    covariance: Float[Array, "size size"]
     """Covariance of its error, in the same units."""
     velocity: Float[Array, " 3"]
     """Twist of B in B; m/s, m/s, rad/s."""
@@ -35,3 +36,7 @@ class FilterState(NamedTuple):
     """Slip speed of the wheel rims beyond the predicted slip, m/s; not negative."""
     unobserved_time: float
     """Time for which wheels and gyro together have not measured the whole twist, s."""
+    fix_scale: float
+    """Estimated ratio of the fixes' covariance to the stated one."""
+    fix_count: float
+    """Number of fixes with the information of this estimate."""

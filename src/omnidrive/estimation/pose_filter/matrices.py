@@ -43,6 +43,30 @@ def congruence(a: Float[Array, "rows n"], p: Float[Array, "n n"]) -> Float[Array
 
 
 @compiled
+def correct_covariance(
+    p: Float[Array, "n n"], observation: Float[Array, " n"], gain: Float[Array, " n"], noise: float
+) -> None:
+    """Correct a covariance in place with one measurement of variance ``noise``.
+
+    Joseph's form, ``(I - gain observation) p (I - gain observation)^T + noise gain gain^T``, keeps
+    it positive semidefinite (Bar-Shalom, Li & Kirubarajan, 2001, eq. 5.2.3-18).
+    """
+    n = len(p)
+    for _ in range(2):  # p <- ((I - gain observation) p)^T
+        row, before = np.zeros(n), p.copy()
+        for j in range(n):
+            if observation[j] != 0.0:
+                for i in range(n):
+                    row[i] += observation[j] * before[j, i]
+        for i in range(n):
+            for j in range(n):
+                p[j, i] = before[i, j] - gain[i] * row[j]
+    for i in range(n):
+        for j in range(i + 1):
+            p[i, j] = p[j, i] = 0.5 * (p[i, j] + p[j, i]) + noise * gain[i] * gain[j]
+
+
+@compiled
 def inverse(m: Float[Array, "3 3"]) -> tuple[Float[Array, "3 3"], float]:
     """Return the inverse of a matrix by cofactors, and its determinant."""
     result = np.empty((3, 3))

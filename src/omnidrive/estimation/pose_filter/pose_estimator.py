@@ -12,7 +12,7 @@ from scipy.special import chdtri
 from omnidrive.estimation.clock import ReadingClock, Stamp
 from omnidrive.estimation.estimator_settings import EstimatorSettings
 from omnidrive.estimation.plausibility import RateLimits, possible_angles, usable_fixes
-from omnidrive.estimation.pose_filter.correction import correct
+from omnidrive.estimation.pose_filter.correction import INITIAL_COUNT, UNKNOWN_YAW, correct
 from omnidrive.estimation.pose_filter.filter_state import (
     FIX_BIAS,
     FIX_BIAS_RATE,
@@ -36,12 +36,10 @@ from omnidrive.estimation.state import State, check_start
 from omnidrive.geometry import Pose
 from omnidrive.parameter import check_bounds
 from omnidrive.robot import Robot
+from omnidrive.robot.wheel import contact_spread
 
 _FOLLOWING_TIME = 3e-3
 """Time constant with which a robot follows wheels that do not slip, s; results are insensitive."""
-
-_UNKNOWN_YAW = 1e3
-"""Standard deviation of a yaw that a fix does not measure, rad."""
 
 _SHORTEST_INTERVAL = 1e-5
 """Shortest time between readings that are processed separately, s."""
@@ -131,17 +129,25 @@ class PoseEstimator:
     def _initial(self, pose: Pose, *, known: bool) -> FilterState:
         """Return the filter state of a robot at rest at a pose, known exactly or roughly.
 
-        At a known pose the bias of the fixes is zero, otherwise it has its stationary variance.
+        At a known pose the bias of the fixes is zero, otherwise it has its stationary variance. The
+        covariance of a known pose is that of the roundings of two encoder readings, of the start
+        and of the current time.
         """
-        model, mean, covariance = self._model, np.zeros(SIZE), np.zeros((SIZE, SIZE))
+        model = self._model
+        offsets = model.contact_sigma[: len(self._unknown) * bool(model.contact_sigma.any())]
+        size = SIZE + len(offsets)
+        mean, covariance = np.zeros(size), np.zeros((size, size))
+        covariance[SIZE:, SIZE:] = np.diag(offsets**2)
         mean[POSE] = pose
         covariance[GYRO_BIAS, GYRO_BIAS] = self._gyro_bias**2
+        rounding = model.encoder_resolution**2 / 6.0
+        covariance[POSE, POSE] = rounding * np.linalg.inv(model.rim_jacobian.T @ model.rim_jacobian)
         rate_variances = (model.bias_sigma / model.bias_time) ** 2
         covariance[FIX_BIAS_RATE, FIX_BIAS_RATE] = np.diag(rate_variances)
         if not known:
             covariance[POSE, POSE] = JUMP_COVARIANCE
             covariance[FIX_BIAS, FIX_BIAS] = np.diag(model.bias_sigma**2)
-        return FilterState(mean, covariance, np.zeros(3), 0.0, 0.0)
+        return FilterState(mean, covariance, np.zeros(3), 0.0, 0.0, 1.0, INITIAL_COUNT)
 
     @property
     def _pose(self) -> Pose:
@@ -278,7 +284,7 @@ class PoseEstimator:
         _, measured, *sigmas = item.fix
         if not isfinite(sigmas[1]):  # the fix measures the position only
             measured = measured._replace(yaw=item.prior.yaw + float(state.mean[FIX_BIAS][2]))
-            sigmas[1] = _UNKNOWN_YAW
+            sigmas[1] = UNKNOWN_YAW
         floor = self.settings.floor
         sigma = max(float(sigmas[0]), floor), max(float(sigmas[1]), floor)
         return correct(state, np.array(measured, dtype=float), sigma, self._gate)
@@ -342,8 +348,11 @@ def _motion_model(
     gyro, fixes = sensors.gyro, sensors.fixes
     rim_jacobian, friction_limits = np.ascontiguousarray(robot.rim_jacobian), robot.friction_limits
     time, damping = fixes.bias_dynamics if fixes else (1.0, 0.9)
+    contacts = np.array([contact_spread(robot.wheel, mount.roller_angle) for mount in robot.mounts])
     return MotionModel(
         rim_jacobian=rim_jacobian,
+        contact_sigma=contacts[:, 0].copy() if slips else np.zeros(len(contacts)),
+        contact_length=contacts[:, 1].copy(),
         friction_limits=friction_limits if slips else np.full_like(friction_limits, np.inf),
         load_transfer=np.ascontiguousarray(robot.load_transfer),
         motor_limit=robot.max_torque / robot.wheel.radius,

@@ -10,6 +10,13 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.estimation.gauss_markov import gauss_markov
+from omnidrive.estimation.pose_filter.body_motion import (
+    MIN_VARIANCE,
+    correct_with_gyro,
+    correct_with_wheels,
+    predict_motion,
+)
+from omnidrive.estimation.pose_filter.contact_offsets import average_contacts, contact_correlation
 from omnidrive.estimation.pose_filter.filter_state import (
     FIX_BIAS,
     FIX_BIAS_RATE,
@@ -28,12 +35,6 @@ from omnidrive.estimation.pose_filter.se2 import (
 )
 from omnidrive.estimation.pose_filter.slip_prediction import predict_slip
 
-_MOTION = slice(SIZE, SIZE + 3)
-"""Indices of the body motion (m, m, rad) in a vector of the filter state and the motion."""
-_ROTATION = SIZE + 2
-"""Index of its rotation."""
-_JOINT_SIZE = SIZE + 3
-"""Length of that vector."""
 _MAX_SLIP = 50.0
 """Largest excess slip speed, m/s."""
 _MAX_UNOBSERVED_TIME = 10.0
@@ -44,31 +45,41 @@ different sizes would make the covariance indefinite by rounding."""
 _SMALL_SHARE = 1e-3
 """Duration over the time constant of the bias below which its process noise is the first term of
 its series: the difference of stationary variances would consist of rounding errors."""
-_MIN_VARIANCE = 1e-12
-"""Variance added to every measured displacement (m^2) or rotation (rad^2)."""
 
 
 @compiled
 def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> FilterState:
     """Return the filter state at the end of an interval.
 
-    The body motion is estimated by least squares from the wheel displacements without the predicted
-    slip. The gyro then corrects the motion's rotation and the gyro's own bias jointly. Finally the
-    pose, its covariance and the bias of the pose fixes are propagated along the motion.
+    The body motion is predicted from the last velocity and corrected with the wheel displacements
+    without the predicted slip, and with the gyro; these corrections also act on the offsets of the
+    wheels' contacts and on the gyro's bias. Finally the pose, its covariance and the bias of the
+    pose fixes are propagated along the motion.
     """
     dt = odometry.duration
     if dt <= 0.0:
         return state
-    rate = odometry.yaw_rate - state.mean[GYRO_BIAS]
-    slip, mean_twist, velocity = predict_slip(state.velocity, odometry, model)
-    residual_slip = _excess_slip(odometry, model, rate, slip)
+    size = len(state.mean)
+    mean, joint = state.mean.copy(), np.zeros((size + 3, size + 3))
+    joint[:size, :size] = state.covariance
+    average_contacts(mean, joint, odometry, model)
+    jacobian = model.rim_jacobian.copy()
+    for i in range(size - SIZE):
+        jacobian[i, 2] += mean[SIZE + i]
+    rate = odometry.yaw_rate - mean[GYRO_BIAS]
+    slip, mean_twist, velocity = predict_slip(state.velocity, odometry, jacobian, model)
+    turn = rate * dt if isfinite(rate) else state.velocity[2] * dt
+    variances = np.zeros(len(slip))
+    for i in range(len(slip)):
+        variances[i] = _displacement_variance(odometry, model, i, slip)
+    residual_slip = _excess_slip(odometry, model, jacobian, rate, slip, variances, turn, joint)
     excess_slip = max(state.excess_slip * exp(-dt / model.slip_memory), residual_slip)
-    motion, motion_covariance, observed = _wheel_motion(state, odometry, model, slip, excess_slip)
-    mean, joint = state.mean.copy(), np.zeros((_JOINT_SIZE, _JOINT_SIZE))
-    joint[:SIZE, :SIZE] = state.covariance
-    joint[_MOTION, _MOTION] = motion_covariance
+    for i in range(len(slip)):
+        variances[i] += (excess_slip * dt) ** 2
+    motion = predict_motion(joint, state, model, dt)
+    observed = correct_with_wheels(mean, joint, motion, odometry, jacobian, slip, variances, turn)
     if isfinite(rate):
-        joint = _correct_with_gyro(mean, joint, motion, odometry, model)
+        correct_with_gyro(mean, joint, motion, odometry, model)
     if isfinite(model.friction_limits[0]):
         velocity += motion / dt - mean_twist
     else:
@@ -76,41 +87,51 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
     for a in range(3):
         velocity[a] = min(max(velocity[a], -model.max_twist[a]), model.max_twist[a])
     unobserved_time = 0.0 if observed else min(state.unobserved_time + dt, _MAX_UNOBSERVED_TIME)
-    propagated = mean.copy()
-    covariance = _propagate_covariance(propagated, joint, motion, model, dt)
-    propagated[POSE] = compose(mean[POSE], exponential(motion))
-    return FilterState(propagated, covariance, velocity, excess_slip, unobserved_time)
+    pose = compose(mean[POSE], exponential(motion))
+    covariance = _propagate_covariance(mean, joint, motion, odometry, model)
+    mean[POSE] = pose
+    return FilterState(
+        mean, covariance, velocity, excess_slip, unobserved_time, state.fix_scale, state.fix_count
+    )
 
 
 @compiled
-def _excess_slip(
-    odometry: Odometry, model: MotionModel, rate: float, slip: Float[Array, " wheels"]
+def _excess_slip(  # noqa: PLR0917
+    odometry: Odometry,
+    model: MotionModel,
+    jacobian: Float[Array, "wheels 3"],
+    rate: float,
+    slip: Float[Array, " wheels"],
+    variances: Float[Array, " wheels"],
+    turn: float,
+    joint: Float[Array, "size_and_3 size_and_3"],
 ) -> float:
     """Return the slip speed (m/s) beyond the prediction by which wheels and gyro disagree.
 
     The body motion is fitted to the displacements by least squares, with the rotation of the gyro
     if it reports one. The result is ``slip_doubt / dt`` times the square root of the mean squared
-    residual in excess of four times its nominal variance; zero if the displacements are not
-    redundant.
+    residual in excess of four times its nominal variance, which includes that of the contacts'
+    offsets times the rotation ``turn`` (rad); zero if the displacements are not redundant.
     """
     dt, displacements = odometry.duration, odometry.displacements
     has_gyro = isfinite(rate)
     unknowns = 2 if has_gyro else 3
     normal, right = np.zeros((3, 3)), np.zeros(3)
     known, nominal = 0, 0.0
+    rounding = model.encoder_resolution**2 / 6.0 * odometry.fraction  # two, to whole counts
     for i in range(len(displacements)):
         if isfinite(displacements[i]):
             displacement = (
-                displacements[i]
-                - slip[i]
-                - (model.rim_jacobian[i, 2] * rate * dt if has_gyro else 0.0)
+                displacements[i] - slip[i] - (jacobian[i, 2] * rate * dt if has_gyro else 0.0)
             )
             for a in range(unknowns):
-                right[a] += model.rim_jacobian[i, a] * displacement
+                right[a] += jacobian[i, a] * displacement
                 for b in range(unknowns):
-                    normal[a, b] += model.rim_jacobian[i, a] * model.rim_jacobian[i, b]
+                    normal[a, b] += jacobian[i, a] * jacobian[i, b]
             known += 1
-            nominal += _displacement_variance(odometry, model, i, slip)
+            nominal += variances[i] + rounding
+            if SIZE + i < len(joint) - 3:
+                nominal += turn * turn * joint[SIZE + i, SIZE + i]
     if known <= unknowns:
         return 0.0
     if has_gyro:
@@ -124,7 +145,7 @@ def _excess_slip(
             motion[a] += solver[a, b] * right[b]
     if has_gyro:
         motion[2] = rate * dt
-    squares = _residual_sum(odometry, model, slip, motion)
+    squares = _residual_sum(odometry, jacobian, slip, motion)
     excess = squares / (known - unknowns) - 4.0 * nominal / known
     return min(model.slip_doubt * sqrt(max(excess, 0.0)) / dt, _MAX_SLIP)
 
@@ -132,7 +153,7 @@ def _excess_slip(
 @compiled
 def _residual_sum(
     odometry: Odometry,
-    model: MotionModel,
+    jacobian: Float[Array, "wheels 3"],
     slip: Float[Array, " wheels"],
     motion: Float[Array, " 3"],
 ) -> float:
@@ -142,7 +163,7 @@ def _residual_sum(
         if isfinite(odometry.displacements[i]):
             residual = odometry.displacements[i] - slip[i]
             for a in range(3):
-                residual -= model.rim_jacobian[i, a] * motion[a]
+                residual -= jacobian[i, a] * motion[a]
             squares += residual * residual
     return squares
 
@@ -151,112 +172,32 @@ def _residual_sum(
 def _displacement_variance(
     odometry: Odometry, model: MotionModel, i: int, slip: Float[Array, " wheels"]
 ) -> float:
-    """Return the variance (m^2) of a rim's displacement from rounding, creep and predicted slip.
+    """Return the variance (m^2) of a rim's displacement from creep and predicted slip.
 
-    An interval has two roundings to whole counts. The error of the predicted slip is a share of the
-    mean square of all rims, because an error of the predicted body motion changes the slip of every
-    rim, also of those that hold.
+    The error of the predicted slip is a share of the mean square of all rims, because an error of
+    the predicted body motion changes the slip of every rim, also of those that hold. The rounding
+    to whole counts is no part of it: the sum of the displacements has only the roundings of the
+    first and last reading, whose variance the pose has from the start. NaN if the displacement is
+    not known.
     """
-    rounding: float = model.encoder_resolution**2 / 6.0 * odometry.fraction
     creep = model.creep**2 * abs(odometry.displacements[i])
     slip_variance: float = model.slip_error**2 * (slip**2).mean()
-    return float(rounding + creep + slip_variance + _MIN_VARIANCE)
-
-
-@compiled
-def _wheel_motion(
-    state: FilterState,
-    odometry: Odometry,
-    model: MotionModel,
-    slip: Float[Array, " wheels"],
-    excess_slip: float,
-) -> tuple[Float[Array, " 3"], Float[Array, "3 3"], bool]:
-    """Return the body motion by the wheels, its covariance, and whether it is fully observed.
-
-    The prior is motion at the last velocity, with a deviation due to the largest expected
-    acceleration. It is fully observed if wheels and gyro together determine all three components.
-    """
-    dt = odometry.duration
-    covariance, information, motion = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
-    for a in range(3):
-        # deviations of successive unobserved intervals are correlated: they add up, not their
-        # squares
-        before = 0.5 * model.max_acceleration[a] * state.unobserved_time**2
-        now = model.max_acceleration[a] * dt * (state.unobserved_time + dt)
-        covariance[a, a] = now * now + 2.0 * before * now
-        motion[a] = state.velocity[a] * dt
-    if isfinite(odometry.yaw_rate):
-        information[2, 2] = 1.0
-    for i in range(len(odometry.displacements)):
-        if isfinite(odometry.displacements[i]):  # sequential corrections in Joseph's form
-            variance = _displacement_variance(odometry, model, i, slip) + (excess_slip * dt) ** 2
-            innovation, total, gain = odometry.displacements[i] - slip[i], variance, np.zeros(3)
-            for a in range(3):
-                innovation -= model.rim_jacobian[i, a] * motion[a]
-                for b in range(3):
-                    gain[a] += covariance[a, b] * model.rim_jacobian[i, b]
-                    information[a, b] += model.rim_jacobian[i, a] * model.rim_jacobian[i, b]
-                total += model.rim_jacobian[i, a] * gain[a]
-            factor = np.eye(3)
-            for a in range(3):
-                gain[a] /= total
-                motion[a] += gain[a] * innovation
-                for b in range(3):
-                    factor[a, b] -= gain[a] * model.rim_jacobian[i, b]
-            covariance = congruence(factor, covariance)
-            for a in range(3):
-                for b in range(3):
-                    covariance[a, b] += variance * gain[a] * gain[b]
-    _, determinant = inverse(information)
-    return motion, covariance, determinant > 1e-6
-
-
-@compiled
-def _correct_with_gyro(
-    mean: Float[Array, " 10"],
-    joint: Float[Array, "13 13"],
-    motion: Float[Array, " 3"],
-    odometry: Odometry,
-    model: MotionModel,
-) -> Float[Array, "13 13"]:
-    """Correct ``mean`` and ``motion`` in place with the gyro; return their joint covariance.
-
-    The gyro measures the motion's rotation plus its own bias. Joseph's form keeps the covariance
-    positive semidefinite (Bar-Shalom, Li & Kirubarajan, 2001, eq. 5.2.3-18).
-    """
-    dt = odometry.duration
-    variance = model.gyro_noise**2 * dt + _MIN_VARIANCE
-    cross = joint[:, _ROTATION] + dt * joint[:, GYRO_BIAS]
-    gain = cross / (cross[_ROTATION] + dt * cross[GYRO_BIAS] + variance)
-    innovation = odometry.yaw_rate * dt - motion[2] - mean[GYRO_BIAS] * dt
-    mean[POSE] = compose(mean[POSE], exponential(gain[POSE] * innovation))
-    for i in range(POSE.stop, SIZE):
-        mean[i] += gain[i] * innovation
-    for a in range(3):
-        motion[a] += gain[_MOTION.start + a] * innovation
-    factor = np.eye(_JOINT_SIZE)
-    for i in range(_JOINT_SIZE):
-        factor[i, GYRO_BIAS] -= gain[i] * dt
-        factor[i, _ROTATION] -= gain[i]
-    corrected = congruence(factor, joint)
-    for i in range(_JOINT_SIZE):
-        for j in range(_JOINT_SIZE):
-            corrected[i, j] += variance * gain[i] * gain[j]
-    return corrected
+    return float(creep + slip_variance + MIN_VARIANCE)
 
 
 @compiled
 def _propagate_covariance(
-    mean: Float[Array, " 10"],
-    joint: Float[Array, "13 13"],
+    mean: Float[Array, " size"],
+    joint: Float[Array, "size_and_3 size_and_3"],
     motion: Float[Array, " 3"],
+    odometry: Odometry,
     model: MotionModel,
-    dt: float,
-) -> Float[Array, "10 10"]:
-    """Return the covariance after ``motion``; propagate the fixes' bias in ``mean`` in place."""
-    transition = np.zeros((SIZE, _JOINT_SIZE))
+) -> Float[Array, "size size"]:
+    """Return the covariance after ``motion``; propagate biases and offsets in ``mean`` in place."""
+    size, dt = len(mean), odometry.duration
+    transition = np.zeros((size, size + 3))
     transition[POSE, POSE] = inverse_adjoint(motion)
-    transition[POSE, _MOTION] = right_jacobian(motion)
+    transition[POSE, size:] = right_jacobian(motion)
     transition[GYRO_BIAS, GYRO_BIAS] = 1.0
     a, b, c, d = gauss_markov(dt, model.bias_time, model.bias_damping)
     for i in range(3):
@@ -264,7 +205,17 @@ def _propagate_covariance(
         transition[k, k], transition[k, r] = a, b
         transition[r, k], transition[r, r] = c, d
         mean[k], mean[r] = a * mean[k] + b * mean[r], c * mean[k] + d * mean[r]
+    for i in range(size - SIZE):  # from the mean over the interval to the end
+        k = SIZE + i
+        share, variance = contact_correlation(odometry, model, i)
+        transition[k, k] = share / variance
+        mean[k] *= share / variance
     covariance = congruence(transition, joint)
+    for i in range(size - SIZE):
+        k = SIZE + i
+        share, variance = contact_correlation(odometry, model, i)
+        noise = model.contact_sigma[i] ** 2 * max(1.0 - share * share / variance, 0.0)
+        covariance[k, k] += noise
     covariance[GYRO_BIAS, GYRO_BIAS] += model.gyro_walk**2 * dt
     share, damping = dt / model.bias_time, model.bias_damping
     for i in range(3):  # process noise that preserves the stationary variances of bias and rate

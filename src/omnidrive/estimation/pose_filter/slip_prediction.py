@@ -18,7 +18,10 @@ _STEP = 1e-3
 
 @compiled
 def predict_slip(
-    velocity: Float[Array, " 3"], odometry: Odometry, model: MotionModel
+    velocity: Float[Array, " 3"],
+    odometry: Odometry,
+    jacobian: Float[Array, "wheels 3"],
+    model: MotionModel,
 ) -> tuple[Float[Array, " wheels"], Float[Array, " 3"], Float[Array, " 3"]]:
     """Return each rim's slip displacement (m), the mean body twist and the last one.
 
@@ -26,7 +29,7 @@ def predict_slip(
     :func:`~omnidrive.robot.slip.slip_velocity`, with::
 
         forces_i = stiffness (rim speed_i - rim_jacobian_i b)
-        limits_i = min(friction limit_i + load transfer_i rim_jacobian^T f, motor limit)
+        limits_i = min(friction limit_i + load transfer_i jacobian^T f, motor limit)
 
     where b is the body twist and f are the wheel forces of the previous step: acceleration
     transfers load between the wheels. A wheel of unknown speed exerts no force.
@@ -34,6 +37,7 @@ def predict_slip(
     Args:
         velocity: Twist of B in B at the start of the interval; m/s, m/s, rad/s.
         odometry: Wheel displacements; the rim speeds are taken as constant over the interval.
+        jacobian: Rim speed of each wheel per unit of body twist; 1, 1 and m/rad.
         model: If its friction limits are not finite, no wheel slips: the slip and the mean twist
             are zero, and the last twist is ``velocity``.
     """
@@ -50,13 +54,13 @@ def predict_slip(
             if isfinite(odometry.displacements[i]):
                 slip_speed = odometry.displacements[i] / odometry.duration
                 for a in range(3):
-                    slip_speed -= model.rim_jacobian[i, a] * twist[a]
+                    slip_speed -= jacobian[i, a] * twist[a]
                 slip[i] += slip_speed * h
                 forces[i] = model.stiffness * slip_speed
                 limits[i] = friction_limit(
                     model.friction_limits[i], model.load_transfer[i], wrench, model.motor_limit
                 )
-        twist, wrench = slip_velocity(twist, forces, limits, model.rim_jacobian, model.inertia, h)
+        twist, wrench = slip_velocity(twist, forces, limits, jacobian, model.inertia, h)
         for a in range(3):
             mean[a] += twist[a] / steps
     last[0], last[1], last[2] = twist

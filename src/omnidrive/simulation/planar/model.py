@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, hypot, pi, sin, sqrt, tan
+from math import cos, hypot, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.robot import GRAVITY, Mount, OmniWheel, Robot
+from omnidrive.robot.wheel import contact_drift
 from omnidrive.simulation.disturbances.disturbances import (
     WEAK_TORQUE_FACTOR,
     Disturbances,
@@ -144,10 +145,7 @@ def _fill_rollers(wheels: Array, robot: Robot) -> None:
     wheels["axle_x"], wheels["axle_y"] = np.cos(axles), np.sin(axles)
     wheels["moment_per_offset"] = np.cos(tilts)
     wheels["row_offset"] = 0.5 * wheel.row_gap if wheel.rows == 2 else 0.0
-    # a tilted roller ahead of the axle touches the floor behind its centre, hence beside the wheel
-    wheels["contact_drift"] = (
-        (wheel.radius - wheel.roller_radius) * tan(0.5 * pitch) * np.tan(tilts)
-    )
+    wheels["contact_drift"] = [contact_drift(wheel, tilt) for tilt in tilts.tolist()]
     wheels["roller_speed_ratio"] = wheel.radius * np.sin(tilts)
     inertia = 0.5 * wheel.roller_mass * wheel.roller_radius**2 + ROLLER_ARMATURE
     radii = np.array([handover_radius(wheel, mount) for mount in mounts])
