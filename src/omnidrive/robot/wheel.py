@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
-from math import pi, sqrt, tan
+from math import hypot, pi, tan
 from typing import Any
 
 from omnidrive.robot.checks import check_no_faults, negative, not_positive
@@ -70,20 +70,16 @@ def contact_drift(wheel: OmniWheel, roller_angle: float) -> float:
     return (wheel.radius - wheel.roller_radius) * tan(pi / wheel.rollers) * tan(roller_angle)
 
 
-def contact_spread(wheel: OmniWheel, roller_angle: float) -> tuple[float, float]:
-    """Return the standard deviation and the correlation length of a contact's offset, m, m.
+def contact_oscillation(wheel: OmniWheel, roller_angle: float) -> tuple[float, float]:
+    """Return amplitude and period of a contact's offset in the wheel angle, m, rad.
 
-    The offset is that of the contact with the floor along the axle, at a random wheel angle; the
-    length is the displacement of the rim over which its autocorrelation decreases to 1/e by its
-    slope at the origin. Of two rows it is a square wave of height ``row_gap / 2``, whose
-    autocorrelation starts as 1 - 2 d / pitch, with the pitch from a roller to the next one of any
-    row; of a single row of tilted rollers it is a saw tooth of height :func:`contact_drift`, with
-    1 - 6 d / pitch.
+    The offset is that of the contact with the floor along the axle; the amplitude is that of the
+    fundamental. Two rows that touch the floor by turns make a square wave of height
+    ``row_gap / 2``, tilted rollers a saw tooth of height :func:`contact_drift`.
     """
-    rows = wheel.row_gap**2 * (wheel.rows**2 - 1) / 12.0
-    drift = contact_drift(wheel, roller_angle) ** 2 / 3.0
-    pitch = 2.0 * pi * wheel.radius / wheel.rollers
-    return sqrt(rows + drift), pitch / (2.0 if wheel.rows > 1 else 6.0)
+    rows = 2.0 / pi * wheel.row_gap * (wheel.rows - 1)
+    drift = 2.0 / pi * contact_drift(wheel, roller_angle)
+    return hypot(rows, drift), 2.0 * pi / wheel.rollers_per_row
 
 
 def wheel_faults(values: Mapping[str, Any]) -> list[str]:

@@ -74,7 +74,7 @@ def correct_with_wheels(  # noqa: PLR0917
     jacobian: Float[Array, "wheels 3"],
     slip: Float[Array, " wheels"],
     variances: Float[Array, " wheels"],
-    turn: float,
+    by_offset: Float[Array, "wheels 2"],
 ) -> bool:
     """Correct with all wheel displacements in place; return whether the motion is fully observed.
 
@@ -83,17 +83,18 @@ def correct_with_wheels(  # noqa: PLR0917
     together determine all three components.
 
     Args:
-        mean: State vector, with the mean offsets of the interval.
+        mean: State vector, with the offsets at the start of the interval.
         joint: Covariance of state vector and body motion.
         motion: Body motion.
         odometry: Wheel displacements.
-        jacobian: Rim speeds per unit of body twist at the offsets in ``mean`` before all wheels.
+        jacobian: Rim speeds per unit of body twist at the offsets in ``mean``.
         slip: Predicted slip of each rim, m.
         variances: Variance of each displacement, m^2.
-        turn: Rotation in the interval, rad, for the derivative with respect to the offset.
+        by_offset: Derivatives of each displacement by the wheel's two components of the offset: the
+            rotation in the interval (rad) times their weights in the mean offset.
     """
     size, information = len(mean), np.zeros((3, 3))
-    expected = mean[SIZE:].copy()
+    expected = mean.copy()
     if isfinite(odometry.yaw_rate):
         information[2, 2] = 1.0
     for i in range(len(odometry.displacements)):
@@ -105,9 +106,11 @@ def correct_with_wheels(  # noqa: PLR0917
                 observation[size + a] = jacobian[i, a]
                 for b in range(3):
                     information[a, b] += jacobian[i, a] * jacobian[i, b]
-            if SIZE + i < size:
-                innovation -= turn * (mean[SIZE + i] - expected[i])
-                observation[SIZE + i] = turn
+            if size > SIZE:
+                for a in range(2):
+                    k = SIZE + 2 * i + a
+                    innovation -= by_offset[i, a] * (mean[k] - expected[k])
+                    observation[k] = by_offset[i, a]
             _correct_once(mean, joint, motion, observation, innovation, variances[i])
     _, determinant = inverse(information)
     return determinant > 1e-6

@@ -1,15 +1,17 @@
-"""Offsets of the wheels' contacts along their axles, a process in the wheel angle.
+"""Offsets of the wheels' contacts along their axles: damped oscillators in the wheel angle.
 
 Two rows of rollers touch the floor by turns, and on a tilted roller the contact moves along the
 axle; this changes the lever arm of the wheel. The phase is unknown, because incremental encoders
-measure changes only. A wheel that stands still, as on a robot that turns about a point beyond it,
-keeps its offset: the error of the odometry grows in proportion to the rotation.
+measure changes only. The offset is the sum of a cosine and a sine of the rim's displacement with
+random amplitudes, the fundamental of the pattern: it cancels over a period of a wheel that turns,
+and stays on a wheel that stands still while the robot turns. The damping covers the harmonics.
 """
 
 from __future__ import annotations
 
-from math import exp, isfinite
+from math import cos, exp, isfinite, sin
 
+import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
@@ -17,40 +19,47 @@ from omnidrive.compiled import compiled
 from omnidrive.estimation.pose_filter.filter_state import SIZE
 from omnidrive.estimation.pose_filter.motion_model import MotionModel, Odometry
 
+_PERIODS = 0.5
+"""Displacement over which the oscillation decays to 1/e, in periods."""
+
 
 @compiled
-def contact_correlation(odometry: Odometry, model: MotionModel, i: int) -> tuple[float, float]:
-    """Return the correlation of a contact's offset with its mean over an interval.
+def contact_means(odometry: Odometry, model: MotionModel) -> Float[Array, "wheels 2"]:
+    """Return the weights of each wheel's two components in its mean offset over an interval.
 
-    The offset is a first-order Gauss-Markov process in the rim's displacement. Returned are the
-    covariance of its value at the start (or the end) of the interval with its mean, and the
-    variance of the mean, both over the variance of the offset. Both are 1 for a wheel that stands
-    still; a wheel of unknown displacement is taken to have moved far.
+    They are zero for a wheel of unknown displacement.
     """
-    if not isfinite(odometry.displacements[i]):
-        return 0.0, 1.0
-    x = abs(odometry.displacements[i]) / model.contact_length[i]
-    if x < 1e-4:  # first terms of the series, which has no rounding errors
-        return 1.0 - 0.5 * x, 1.0 - x / 3.0
-    share = (1.0 - exp(-x)) / x
-    return share, 2.0 * (1.0 - share) / x
+    weights = np.zeros((len(odometry.displacements), 2))
+    for i in range(len(weights)):
+        if isfinite(odometry.displacements[i]):
+            angle = odometry.displacements[i] / model.contact_length[i]
+            weights[i, 0] = sin(angle) / angle if abs(angle) > 1e-6 else 1.0
+            weights[i, 1] = (1.0 - cos(angle)) / angle if abs(angle) > 1e-6 else 0.5 * angle
+    return weights
 
 
 @compiled
-def average_contacts(
+def propagate_contacts(
     mean: Float[Array, " size"],
-    joint: Float[Array, "size_and_3 size_and_3"],
+    transition: Float[Array, "size size_and_3"],
     odometry: Odometry,
     model: MotionModel,
-) -> None:
-    """Replace the contacts' offsets at the start of an interval by their means over it, in place.
+) -> Float[Array, " size"]:
+    """Propagate the offsets in ``mean``, and set their transition, in place.
 
-    See Sarkka & Solin, "Applied Stochastic Differential Equations", 2019, section 6.2.
+    Returns:
+        The variances of the process noise, zero but for the offsets. A wheel of unknown
+        displacement has moved far.
     """
-    for i in range(len(mean) - SIZE):
-        k = SIZE + i
-        share, variance = contact_correlation(odometry, model, i)
-        mean[k] *= share
-        joint[k, :] *= share
-        joint[:, k] *= share
-        joint[k, k] += model.contact_sigma[i] ** 2 * max(variance - share * share, 0.0)
+    noise = np.zeros(len(mean))
+    for i in range((len(mean) - SIZE) // 2):
+        k, decay, angle = SIZE + 2 * i, 0.0, 0.0
+        if isfinite(odometry.displacements[i]):
+            angle = odometry.displacements[i] / model.contact_length[i]
+            decay = exp(-abs(angle) / (2.0 * np.pi * _PERIODS))
+        c, s = decay * cos(angle), decay * sin(angle)
+        transition[k, k], transition[k, k + 1] = c, s
+        transition[k + 1, k], transition[k + 1, k + 1] = -s, c
+        mean[k], mean[k + 1] = c * mean[k] + s * mean[k + 1], c * mean[k + 1] - s * mean[k]
+        noise[k] = noise[k + 1] = model.contact_sigma[i] ** 2 * (1.0 - decay * decay)
+    return noise

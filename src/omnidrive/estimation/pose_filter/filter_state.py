@@ -12,8 +12,8 @@ POSE, GYRO_BIAS, FIX_BIAS, FIX_BIAS_RATE = slice(0, 3), 3, slice(4, 7), slice(7,
 """Indices into the state vector: pose of B in W (m, m, rad), bias of the gyro (rad/s), bias of the
 pose fixes (m, m, rad in W) and its rate of change (per second)."""
 SIZE = 10
-"""Number of these components. The state vector continues with the offset of each wheel's contact
-with the floor along its axle, outwards, m, if the contacts move."""
+"""Number of these components. If the wheels' contacts move, two more follow for each wheel, m: the
+offset of the contact along the axle, outwards, and its derivative by the phase of the rollers."""
 
 
 class FilterState(NamedTuple):

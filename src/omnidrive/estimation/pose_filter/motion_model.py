@@ -15,10 +15,10 @@ class MotionModel(NamedTuple):
     rim_jacobian: Float[Array, "wheels 3"]
     """Rim speed of each wheel per unit of body twist; 1, 1 and m/rad."""
     contact_sigma: Float[Array, " wheels"]
-    """Standard deviation of the contacts' offsets along the axles, m; all zero if they have no
+    """Standard deviation of both components of the contacts' offsets, m; all zero if they have no
     place in the state vector."""
     contact_length: Float[Array, " wheels"]
-    """Displacement of a rim over which this offset is correlated, m."""
+    """Displacement of a rim per radian of the phase of this offset, m."""
     friction_limits: Float[Array, " wheels"]
     """Largest force that friction transmits at each wheel of a robot at rest, N; not finite if the
     wheels never slip, as for a robot without masses."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from math import hypot, inf, isfinite, isnan, nan
+from math import hypot, inf, isfinite, isnan, nan, pi
 
 import numpy as np
 from scipy.special import chdtri
@@ -36,7 +36,7 @@ from omnidrive.estimation.state import State, check_start
 from omnidrive.geometry import Pose
 from omnidrive.parameter import check_bounds
 from omnidrive.robot import Robot
-from omnidrive.robot.wheel import contact_spread
+from omnidrive.robot.wheel import contact_oscillation
 
 _FOLLOWING_TIME = 3e-3
 """Time constant with which a robot follows wheels that do not slip, s; results are insensitive."""
@@ -134,7 +134,8 @@ class PoseEstimator:
         and of the current time.
         """
         model = self._model
-        offsets = model.contact_sigma[: len(self._unknown) * bool(model.contact_sigma.any())]
+        moves = model.contact_sigma.any()
+        offsets = np.repeat(model.contact_sigma, 2) if moves else np.zeros(0)
         size = SIZE + len(offsets)
         mean, covariance = np.zeros(size), np.zeros((size, size))
         covariance[SIZE:, SIZE:] = np.diag(offsets**2)
@@ -348,11 +349,13 @@ def _motion_model(
     gyro, fixes = sensors.gyro, sensors.fixes
     rim_jacobian, friction_limits = np.ascontiguousarray(robot.rim_jacobian), robot.friction_limits
     time, damping = fixes.bias_dynamics if fixes else (1.0, 0.9)
-    contacts = np.array([contact_spread(robot.wheel, mount.roller_angle) for mount in robot.mounts])
+    contacts = np.array(
+        [contact_oscillation(robot.wheel, mount.roller_angle) for mount in robot.mounts]
+    )
     return MotionModel(
         rim_jacobian=rim_jacobian,
         contact_sigma=contacts[:, 0].copy() if slips else np.zeros(len(contacts)),
-        contact_length=contacts[:, 1].copy(),
+        contact_length=robot.wheel.radius * contacts[:, 1] / (2.0 * pi),
         friction_limits=friction_limits if slips else np.full_like(friction_limits, np.inf),
         load_transfer=np.ascontiguousarray(robot.load_transfer),
         motor_limit=robot.max_torque / robot.wheel.radius,

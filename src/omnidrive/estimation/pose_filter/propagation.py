@@ -16,7 +16,7 @@ from omnidrive.estimation.pose_filter.body_motion import (
     correct_with_wheels,
     predict_motion,
 )
-from omnidrive.estimation.pose_filter.contact_offsets import average_contacts, contact_correlation
+from omnidrive.estimation.pose_filter.contact_offsets import contact_means, propagate_contacts
 from omnidrive.estimation.pose_filter.filter_state import (
     FIX_BIAS,
     FIX_BIAS_RATE,
@@ -62,22 +62,26 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
     size = len(state.mean)
     mean, joint = state.mean.copy(), np.zeros((size + 3, size + 3))
     joint[:size, :size] = state.covariance
-    average_contacts(mean, joint, odometry, model)
-    jacobian = model.rim_jacobian.copy()
-    for i in range(size - SIZE):
-        jacobian[i, 2] += mean[SIZE + i]
+    jacobian, weights = model.rim_jacobian.copy(), contact_means(odometry, model)
+    for i in range((size - SIZE) // 2):
+        k = SIZE + 2 * i
+        jacobian[i, 2] += weights[i, 0] * mean[k] + weights[i, 1] * mean[k + 1]
     rate = odometry.yaw_rate - mean[GYRO_BIAS]
     slip, mean_twist, velocity = predict_slip(state.velocity, odometry, jacobian, model)
     turn = rate * dt if isfinite(rate) else state.velocity[2] * dt
     variances = np.zeros(len(slip))
     for i in range(len(slip)):
         variances[i] = _displacement_variance(odometry, model, i, slip)
-    residual_slip = _excess_slip(odometry, model, jacobian, rate, slip, variances, turn, joint)
+    residual_slip = _excess_slip(
+        odometry, model, jacobian, rate, slip, variances, turn * weights, joint
+    )
     excess_slip = max(state.excess_slip * exp(-dt / model.slip_memory), residual_slip)
     for i in range(len(slip)):
         variances[i] += (excess_slip * dt) ** 2
     motion = predict_motion(joint, state, model, dt)
-    observed = correct_with_wheels(mean, joint, motion, odometry, jacobian, slip, variances, turn)
+    observed = correct_with_wheels(
+        mean, joint, motion, odometry, jacobian, slip, variances, turn * weights
+    )
     if isfinite(rate):
         correct_with_gyro(mean, joint, motion, odometry, model)
     if isfinite(model.friction_limits[0]):
@@ -103,7 +107,7 @@ def _excess_slip(  # noqa: PLR0917
     rate: float,
     slip: Float[Array, " wheels"],
     variances: Float[Array, " wheels"],
-    turn: float,
+    by_offset: Float[Array, "wheels 2"],
     joint: Float[Array, "size_and_3 size_and_3"],
 ) -> float:
     """Return the slip speed (m/s) beyond the prediction by which wheels and gyro disagree.
@@ -111,14 +115,14 @@ def _excess_slip(  # noqa: PLR0917
     The body motion is fitted to the displacements by least squares, with the rotation of the gyro
     if it reports one. The result is ``slip_doubt / dt`` times the square root of the mean squared
     residual in excess of four times its nominal variance, which includes that of the contacts'
-    offsets times the rotation ``turn`` (rad); zero if the displacements are not redundant.
+    offsets with the derivatives ``by_offset`` of the displacements; zero if the displacements are
+    not redundant.
     """
     dt, displacements = odometry.duration, odometry.displacements
     has_gyro = isfinite(rate)
     unknowns = 2 if has_gyro else 3
     normal, right = np.zeros((3, 3)), np.zeros(3)
     known, nominal = 0, 0.0
-    rounding = model.encoder_resolution**2 / 6.0 * odometry.fraction  # two, to whole counts
     for i in range(len(displacements)):
         if isfinite(displacements[i]):
             displacement = (
@@ -129,9 +133,7 @@ def _excess_slip(  # noqa: PLR0917
                 for b in range(unknowns):
                     normal[a, b] += jacobian[i, a] * jacobian[i, b]
             known += 1
-            nominal += variances[i] + rounding
-            if SIZE + i < len(joint) - 3:
-                nominal += turn * turn * joint[SIZE + i, SIZE + i]
+            nominal += _residual_variance(odometry, model, i, variances[i], by_offset, joint)
     if known <= unknowns:
         return 0.0
     if has_gyro:
@@ -148,6 +150,25 @@ def _excess_slip(  # noqa: PLR0917
     squares = _residual_sum(odometry, jacobian, slip, motion)
     excess = squares / (known - unknowns) - 4.0 * nominal / known
     return min(model.slip_doubt * sqrt(max(excess, 0.0)) / dt, _MAX_SLIP)
+
+
+@compiled
+def _residual_variance(  # noqa: PLR0917
+    odometry: Odometry,
+    model: MotionModel,
+    i: int,
+    variance: float,
+    by_offset: Float[Array, "wheels 2"],
+    joint: Float[Array, "size_and_3 size_and_3"],
+) -> float:
+    """Return a displacement's ``variance`` (m^2) with that of two roundings and of the offset."""
+    variance += model.encoder_resolution**2 / 6.0 * odometry.fraction
+    if len(joint) - 3 > SIZE:
+        k = SIZE + 2 * i
+        for a in range(2):
+            for b in range(2):
+                variance += by_offset[i, a] * joint[k + a, k + b] * by_offset[i, b]
+    return variance
 
 
 @compiled
@@ -205,17 +226,10 @@ def _propagate_covariance(
         transition[k, k], transition[k, r] = a, b
         transition[r, k], transition[r, r] = c, d
         mean[k], mean[r] = a * mean[k] + b * mean[r], c * mean[k] + d * mean[r]
-    for i in range(size - SIZE):  # from the mean over the interval to the end
-        k = SIZE + i
-        share, variance = contact_correlation(odometry, model, i)
-        transition[k, k] = share / variance
-        mean[k] *= share / variance
+    contact_noise = propagate_contacts(mean, transition, odometry, model)
     covariance = congruence(transition, joint)
-    for i in range(size - SIZE):
-        k = SIZE + i
-        share, variance = contact_correlation(odometry, model, i)
-        noise = model.contact_sigma[i] ** 2 * max(1.0 - share * share / variance, 0.0)
-        covariance[k, k] += noise
+    for i in range(SIZE, size):
+        covariance[i, i] += contact_noise[i]
     covariance[GYRO_BIAS, GYRO_BIAS] += model.gyro_walk**2 * dt
     share, damping = dt / model.bias_time, model.bias_damping
     for i in range(3):  # process noise that preserves the stationary variances of bias and rate
