@@ -68,6 +68,7 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
         jacobian[i, 2] += weights[i, 0] * mean[k] + weights[i, 1] * mean[k + 1]
     rate = odometry.yaw_rate - mean[GYRO_BIAS]
     slip, mean_twist, velocity = predict_slip(state.velocity, odometry, jacobian, model)
+    _make_rigid(slip, odometry, jacobian, model)
     turn = rate * dt if isfinite(rate) else state.velocity[2] * dt
     variances = np.zeros(len(slip))
     for i in range(len(slip)):
@@ -97,6 +98,40 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
     return FilterState(
         mean, covariance, velocity, excess_slip, unobserved_time, state.fix_scale, state.fix_count
     )
+
+
+@compiled
+def _make_rigid(
+    slip: Float[Array, " wheels"],
+    odometry: Odometry,
+    jacobian: Float[Array, "wheels 3"],
+    model: MotionModel,
+) -> None:
+    """Replace, in place, the predicted slip of wheels that hold by that of a rigid motion.
+
+    Below the friction limit wheels that contradict each other do not slip, although the model with
+    its finite stiffness says so: their contacts are not where they are expected.
+    """
+    if not isfinite(model.friction_limits[0]):
+        return
+    normal, right = np.zeros((3, 3)), np.zeros(3)
+    for i in range(len(slip)):
+        if isfinite(odometry.displacements[i]):
+            if abs(slip[i]) * model.stiffness > model.friction_limits[i] * odometry.duration:
+                return
+            for a in range(3):
+                right[a] += jacobian[i, a] * slip[i]
+                for b in range(3):
+                    normal[a, b] += jacobian[i, a] * jacobian[i, b]
+    solver, determinant = inverse(normal)
+    if abs(determinant) < 1e-9:
+        return
+    for i in range(len(slip)):
+        if isfinite(odometry.displacements[i]):
+            slip[i] = 0.0
+            for a in range(3):
+                for b in range(3):
+                    slip[i] += jacobian[i, a] * solver[a, b] * right[b]
 
 
 @compiled

@@ -1,0 +1,105 @@
+"""The pose filter on wheels with rollers: consistency of the error, no false relocations."""
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from omnidrive.estimation import PoseEstimator, PoseFixSettings, SensorReadings, SensorSettings
+from omnidrive.geometry import BodyTwist, Pose, twist_between
+from omnidrive.robot import named_robot
+from omnidrive.robot.wheel import contact_drift, contact_oscillation
+from omnidrive.simulation import PlanarPlant, SensorSuite
+
+DT, STEPS, RUNS = 0.05, 160, 12
+TURNING = BodyTwist(0.6, 0.0, 0.6)  # on a circle of 1 m, on which two wheels of `paper` hardly turn
+
+
+def circle(robot, seed):
+    """States of a robot with random wheel angles that accelerates for 1 s on a circle of 1 m."""
+    plant = PlanarPlant(robot, np.random.default_rng(seed))
+    states = [plant.reset(Pose(0.0, 0.0, 0.0))]
+    for k in range(STEPS):
+        share = min(DT * (k + 1), 1.0)
+        states.append(plant.step(BodyTwist(*(share * each for each in TURNING)), DT))
+    return states
+
+
+def filtered(robot, states, fixes, seed, scale=1.0):
+    """Return the NEES at the end and the estimator; ``scale`` times the stated deviations."""
+    settings = SensorSettings(fixes=fixes)
+    suite = SensorSuite(settings, robot.chassis, np.random.default_rng([seed, 1]))
+    estimator = PoseEstimator(robot, settings)
+    suite.reset(states[0].pose)
+    estimator.reset(states[0].pose)
+    for k, state in enumerate(states):
+        readings = suite.read(DT * k, state)
+        stated = tuple(
+            fix._replace(position_sigma=scale * fix.position_sigma, yaw_sigma=scale * fix.yaw_sigma)
+            for fix in readings.fixes
+        )
+        found = estimator.update(readings._replace(fixes=stated))
+    error = np.array(twist_between(found.pose, states[-1].pose, 1.0))
+    return error @ np.linalg.solve(found.covariance, error), estimator
+
+
+@pytest.mark.parametrize("name", ["paper", "mecanum"])
+@pytest.mark.parametrize(
+    "fixes",
+    [None, PoseFixSettings(), PoseFixSettings(outliers=0.05), PoseFixSettings(law="paper")],
+    ids=["none", "white", "outlying", "paper"],
+)
+def test_error_on_rollers_matches_its_covariance(name, fixes):
+    """The upper bound is twice the 99.99 % quantile: harmonics of the offset are not modelled."""
+    robot, squares = named_robot(name), []
+    for seed in range(RUNS):
+        square, estimator = filtered(robot, circle(robot, seed), fixes, seed)
+        squares.append(square)
+        assert not estimator.relocations
+        assert not estimator.restarts
+    assert np.mean(squares) < 2.0 * chi2.ppf(0.9999, 3 * RUNS) / RUNS
+
+
+@pytest.mark.parametrize("ratio", [1.0 / 3.0, 3.0])
+def test_wrong_covariance_of_the_fixes_is_estimated(ratio):
+    robot = named_robot("paper")
+    scales = [
+        filtered(robot, circle(robot, seed), PoseFixSettings(), seed, scale=ratio**0.5)[1]
+        .filter_state.fix_scale
+        for seed in range(4)
+    ]  # fmt: skip
+    assert np.mean(scales) == pytest.approx(1.0 / ratio, rel=0.2)
+
+
+def test_estimated_scale_of_the_covariance_is_bounded():
+    robot = named_robot("paper")
+    for seed, sigma in enumerate((1e-3, 1.0)):
+        stated = PoseFixSettings(position_sigma=0.05, yaw_sigma=0.05)
+        _, estimator = filtered(robot, circle(robot, 0), stated, seed, scale=sigma / 0.05)
+        assert 0.1 <= estimator.filter_state.fix_scale <= 10.0
+
+
+def test_rounding_does_not_accumulate_at_rest():
+    robot = named_robot("paper")
+    estimator = PoseEstimator(robot, SensorSettings(gyro=None, fixes=None))
+    for k in range(2000):
+        state = estimator.update(SensorReadings(DT * k, (0.0,) * 4))
+    assert state.position_sigma < 2.0 * robot.wheel.radius * 2.0 * pi / 4096
+
+
+def test_contact_oscillation_is_the_fundamental_of_the_offset():
+    """Fourier coefficients of a square wave and of a saw tooth."""
+    phase = np.linspace(0.0, 2.0 * pi, 100_000, endpoint=False)
+    two_rows, tilted = named_robot("paper").wheel, named_robot("mecanum").wheel
+    height = contact_drift(tilted, 0.5)
+    for wheel, angle, offset in (
+        (two_rows, 0.0, 0.5 * two_rows.row_gap * np.sign(np.sin(phase))),
+        (tilted, 0.5, height * (phase / pi - 1.0)),
+    ):
+        amplitude, period = contact_oscillation(wheel, angle)
+        assert amplitude == pytest.approx(2.0 * abs(np.mean(offset * np.exp(1j * phase))), 1e-3)
+        assert period == pytest.approx(2.0 * pi / wheel.rollers_per_row)
+    one_row = replace(two_rows, rows=1)
+    assert contact_oscillation(one_row, 0.0)[0] == pytest.approx(0.0)
