@@ -19,7 +19,7 @@ from omnidrive.compiled import compiled
 from omnidrive.estimation.pose_filter.filter_state import SIZE
 from omnidrive.estimation.pose_filter.motion_model import MotionModel, Odometry
 
-_PERIODS = 1.0
+_PERIODS = 3.0
 """Displacement over which the oscillation decays to 1/e, in periods."""
 
 
