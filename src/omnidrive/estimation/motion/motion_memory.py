@@ -47,6 +47,7 @@ MOTION = np.dtype([
     ("response", RESPONSE),
     ("jump", "f8", 3),
     ("slip_time", "f8"),
+    ("caution", "f8"),
 ], align=True)  # fmt: skip
 """Estimates of the observer. The axes are x, y and yaw of B. The state of an axis is (displacement,
 twist, disturbance).
@@ -62,6 +63,8 @@ twist, disturbance).
 - ``lead``, ``yaw_lead``: parts of the lags that commands compensate, s.
 - ``jump``: last displacement along the axes of a robot that was moved, otherwise 0; m, m, rad.
 - ``slip_time``: for how long wheels have slipped up to now, s.
+- ``caution``: 1 where the delay of the response is unknown, 0 where it is identified; see
+  :mod:`~.caution`.
 """
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.estimation.motion.caution import cautious_drift
 from omnidrive.estimation.motion.disturbance import disturbance_at, disturbance_scale
 from omnidrive.estimation.motion.motion_memory import MotionMemory
 from omnidrive.estimation.motion.pose_noise import (
@@ -75,19 +76,28 @@ def predict(model: DriveModel, memory: MotionMemory, dt: float, period: float) -
     The sample time is ``period`` (s).
     """
     delay, shares = memory.state[0].drive.delay, SlipShares(0.0, 0.0)
+    drift = _drift(memory.state[0], period)
     latest = whole_periods(delay, period)
     older = min(delay - latest * period, dt)
     if older > _ROUNDING * period:
-        shares = _predict_one(model, memory, latest + 1, older)
+        shares = _predict_one(model, memory, latest + 1, older, drift)
     if dt > older:
-        newer = _predict_one(model, memory, latest, dt - older)
+        newer = _predict_one(model, memory, latest, dt - older, drift)
         disturbed = max(shares.disturbed, newer.disturbed)
         shares = SlipShares(disturbed, max(shares.undisturbed, newer.undisturbed))
     return shares
 
 
 @compiled
-def _predict_one(model: DriveModel, memory: MotionMemory, command: int, dt: float) -> SlipShares:
+def _drift(state: Any, period: float) -> float:
+    """Return the drift of the disturbance with exact poses, m/s in a second."""
+    return float(_DRIFT + state.caution * (cautious_drift(_DRIFT, period) - _DRIFT))
+
+
+@compiled
+def _predict_one(
+    model: DriveModel, memory: MotionMemory, command: int, dt: float, exact_drift: float
+) -> SlipShares:
     """Predict state and covariance over ``dt`` (s) with one command, as :func:`predict`."""
     state, share, undisturbed = memory.state[0], 0.0, 0.0
     steps, h = _motor_steps(state.drive, dt)
@@ -95,7 +105,7 @@ def _predict_one(model: DriveModel, memory: MotionMemory, command: int, dt: floa
         mean, motors = _motor_response(memory, command, _vector(state.motors), h)
         for a in range(3):
             state.motors[a] = motors[a]
-        held = _predict_held(model, state, mean, h)
+        held = _predict_held(model, state, mean, h, exact_drift)
         share, undisturbed = share + held.disturbed / steps, undisturbed + held.undisturbed / steps
     return SlipShares(share, undisturbed)
 
@@ -123,8 +133,13 @@ def _motor_response(
 
 
 @compiled
-def _predict_held(model: DriveModel, state: Any, motors: Vector, dt: float) -> SlipShares:
-    """Predict state and covariance over ``dt`` (s) with a constant twist of the motors."""
+def _predict_held(
+    model: DriveModel, state: Any, motors: Vector, dt: float, exact_drift: float
+) -> SlipShares:
+    """Predict state and covariance over ``dt`` (s) with a constant twist of the motors.
+
+    The drift of the disturbance with exact poses is ``exact_drift``, m/s in a second.
+    """
     initial, commanded = _vector(state.twist), _disturbed(model, state, motors)
     mean, final, derivatives = respond(model, initial, commanded, dt)
     _move(state.pose, mean, dt)
@@ -133,7 +148,7 @@ def _predict_held(model: DriveModel, state: Any, motors: Vector, dt: float) -> S
         unit, noisy = axis_unit(model, a), noisy_share(model, state, a)
         displacement, drift, decay = _NOISY_ROTATION if a == 2 else _NOISY_TRANSLATION
         displacement = _DISPLACEMENT + noisy * (displacement - _DISPLACEMENT)
-        drift, kept = _DRIFT + noisy * (drift - _DRIFT), 1.0 / (1.0 + noisy * decay * dt)
+        drift, kept = exact_drift + noisy * (drift - exact_drift), 1.0 / (1.0 + noisy * decay * dt)
         free = unit * acceleration * dt  # the lag removes part of it
         by_pose = 0.5 * dt * (1.0 - derivatives.mean_by_input[a]) * free
         by_twist = (1.0 - derivatives.final_by_input[a]) * free

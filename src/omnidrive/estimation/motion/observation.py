@@ -14,6 +14,7 @@ from omnidrive.estimation.drive.drive_identification import (
     DriveSample,
 )
 from omnidrive.estimation.motion.acceleration_ratio import update_reached
+from omnidrive.estimation.motion.caution import caution
 from omnidrive.estimation.motion.motion_memory import MotionMemory, restart
 from omnidrive.estimation.motion.motion_observer import (
     STEADY_SATURATION,
@@ -89,6 +90,7 @@ def _identify(  # noqa: PLR0917
 ) -> None:
     """Update the identified parameters of the drive after a sample, unless poses are noisy."""
     if identify is None:
+        memory.state[0].caution = 1.0
         return
     state, sent, variances = memory.state[0], memory.commands[0], now.variances
     twist = state.twist
@@ -106,4 +108,5 @@ def _identify(  # noqa: PLR0917
         now.fresh,
     )
     identify(event, robot.model, robot.bounds, robot.drive, memory.identified, sample)
-    state.drive = memory.identified.state[0].applied
+    found = memory.identified.state[0]
+    state.drive, state.caution = found.applied, caution(found.estimate.sum_error, period)

@@ -59,6 +59,7 @@ from omnidrive.estimation.drive_estimate import (
     check_start,
     drive_estimate,
 )
+from omnidrive.estimation.motion.caution import max_gain
 from omnidrive.estimation.motion.motion_memory import (
     ObservedMotion,
     observed_motion,
@@ -159,6 +160,9 @@ class HolonomicController(GuardedController):
             robot,
             float(self.dt),
             self.parameters.state_weights(points, self.dt),
+            self.parameters.with_gain_limit(max_gain(self.dt), self.dt).state_weights(
+                points, self.dt
+            ),
             self.parameters.control_weights(),
             limits,
             stack_keep_outs((), points),

@@ -64,6 +64,8 @@ class LawData(NamedTuple):
     dt: float
     """This and the next four are parts of the problem, see :class:`HolonomicProblem`."""
     state_weights: Float[Array, "points 3"]
+    cautious_weights: Float[Array, "points 3"]
+    """As ``state_weights``, where the delay of the response is unknown."""
     control_weights: Float[Array, " 3"]
     limits: Limits
     keep_outs: KeepOutArrays
@@ -107,10 +109,11 @@ class LawMemory(NamedTuple):
     motion: MotionMemory
     plan: Plan
     start: Float[Array, " 3"]
-    """This and the next three are arrays of the problem, see :class:`HolonomicProblem`."""
+    """This and the next four are arrays of the problem, see :class:`HolonomicProblem`."""
     previous: Float[Array, " 3"]
     targets: Float[Array, "points 3"]
     feedforward: Float[Array, "stages 3"]
+    state_weights: Float[Array, "points 3"]
     last: Any
     """The last step, a record of :data:`STEP`."""
 
@@ -132,6 +135,7 @@ def law_memory(
         np.zeros(3),
         np.zeros((points, 3)),
         np.zeros((stages, 3)),
+        np.zeros((points, 3)),
         np.zeros(1, STEP),
     )
 
@@ -151,7 +155,7 @@ def _problem(data: LawData, memory: LawMemory, limits: Limits) -> HolonomicProbl
         memory.previous,
         memory.targets,
         memory.feedforward,
-        data.state_weights,
+        memory.state_weights,
         data.control_weights,
         limits,
         data.keep_outs,
@@ -201,12 +205,24 @@ def begin(
         return False
     last.started, last.t = 1, now.t
     last.pose[0], last.pose[1], last.pose[2] = x, y, yaw
+    _fill_weights(data, memory)
     problem = _problem(data, memory, data.limits)
     approaches = fill_problem(
         data.robot, memory.motion, problem, setpoints, 0, now.last, data.reserve
     )
     last.approaches = 1 if approaches else 0
     return True
+
+
+@compiled
+def _fill_weights(data: LawData, memory: LawMemory) -> None:
+    """Fill in the weights of the states: less feedback where the delay is unknown."""
+    caution = memory.motion.state[0].caution
+    for k in range(len(memory.state_weights)):
+        for a in range(3):
+            usual = data.state_weights[k, a]
+            cautious = data.cautious_weights[k, a]
+            memory.state_weights[k, a] = usual + caution * (cautious - usual)
 
 
 @compiled

@@ -36,6 +36,20 @@ class HolonomicParameters(NamedTuple):
         weights[-1] = self.terminal_factor * terminal
         return weights
 
+    def with_gain_limit(self, gain: float, dt: float) -> HolonomicParameters:
+        """Return weights of the states whose feedback gain is at most ``gain`` (1/s).
+
+        The gain of an infinite horizon is ``K = P dt / (r + P dt^2)``, hence ``P = K r / (dt - K
+        dt^2)``; and ``q = P^2 dt^2 / (P dt^2 + r)`` by the equation of :meth:`state_weights`.
+        ``gain`` is less than 1 / ``dt``.
+        """
+        quadratic = gain / (dt - gain * dt * dt)  # over r
+        ratio = quadratic**2 * dt * dt / (quadratic * dt * dt + 1.0)
+        return self._replace(
+            position_weight=min(self.position_weight, ratio * self.velocity_weight),
+            heading_weight=min(self.heading_weight, ratio * self.yaw_rate_weight),
+        )
+
     def control_weights(self) -> np.ndarray:
         """Return the diagonal of R."""
         return np.array([self.velocity_weight, self.velocity_weight, self.yaw_rate_weight])

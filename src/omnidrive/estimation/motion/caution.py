@@ -1,0 +1,35 @@
+"""Bounds of feedback gains where the delay of the robot's response is not identified."""
+
+from __future__ import annotations
+
+from omnidrive.compiled import compiled
+
+_KNOWN, _UNKNOWN = 0.15, 0.4
+"""Standard errors of lag and delay, in sample times, up to which the delay counts as identified,
+and from which on as unknown."""
+_MAX_GAIN = 0.28
+"""Largest feedback gain per sample with an unknown delay, 1."""
+_MAX_DRIFT = 1e-3
+"""Largest drift of the disturbance, times the sample time, with an unknown delay, m/s^(1/2)."""
+
+
+@compiled
+def caution(error: float, period: float) -> float:
+    """Return 0 for an identified delay to 1 for an unknown one.
+
+    Args:
+        error: Standard error of the sum of lag and delay, s.
+        period: Sample time, s.
+    """
+    return float(min(max((error / period - _KNOWN) / (_UNKNOWN - _KNOWN), 0.0), 1.0))
+
+
+def max_gain(period: float) -> float:
+    """Return the largest feedback gain with an unknown delay, 1/s."""
+    return _MAX_GAIN / period
+
+
+@compiled
+def cautious_drift(drift: float, period: float) -> float:
+    """Return the drift of the disturbance, m/s in a second, with the same margin."""
+    return min(drift, _MAX_DRIFT / period)
