@@ -18,8 +18,8 @@ from omnidrive.parameter import Bounds, check_bounds
 from omnidrive.robot import Robot
 from omnidrive.robot.slip import Vector
 
-HYPOTHESES = 3
-"""Number of delays that are compared: whole sample times in addition to the known delay."""
+DELAYS = 5
+"""Number of delays that are compared: 0 to 4 sample times in addition to the known delay."""
 GAIN_ERROR, LAG_ERROR, YAW_LAG_ERROR = 0.07, 0.07, 0.015
 """Standard deviations of the parameters before the first sample; 1, s, s."""
 _EXCITED = 0.5
@@ -90,7 +90,7 @@ def settings_around(known: DriveEstimate, period: float) -> DriveSettings:
         min_gain=min(usual.min_gain, usual.min_gain * min(known.gains)),
         max_gain=max(usual.max_gain, usual.max_gain * max(known.gains)),
         max_lag=max(usual.max_lag, 2.0 * known.lag),
-        max_delay=max(usual.max_delay, known.delay + (HYPOTHESES - 1) * period),
+        max_delay=max(usual.max_delay, known.delay + (DELAYS - 1) * period),
     )
 
 

@@ -38,6 +38,7 @@ from omnidrive.compiled import compiled
 from omnidrive.estimation.drive.drive_prediction import predict
 from omnidrive.estimation.drive.identification_state import (
     GAINS,
+    HYPOTHESES,
     PARAMETERS,
     IdentificationMemory,
     apply_parameters,
@@ -48,7 +49,7 @@ from omnidrive.estimation.drive.identification_state import (
     restart_hypothesis,
     update_estimate,
 )
-from omnidrive.estimation.drive_estimate import HYPOTHESES, DriveSettings
+from omnidrive.estimation.drive_estimate import DriveSettings
 from omnidrive.geometry.kernels import wrap
 from omnidrive.robot.drive_model import DriveModel, axis_unit, inverse_lags
 from omnidrive.robot.slip import Vector
@@ -71,7 +72,7 @@ _GATE = 24.0
 """Standard deviations beyond which a measured pose is one of a robot that was moved."""
 _LARGEST_EVIDENCE = 64.0
 """Largest square of an innovation over its variance in a likelihood."""
-_CHANGE = 3.0
+_CHANGE = 10.0
 """Logarithm of the likelihood ratio above which another delay is chosen."""
 _LIKELIHOOD_MEMORY = 5.0
 """Time constant with which the likelihoods are forgotten, s."""

@@ -11,10 +11,10 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.estimation.drive_estimate import (
+    DELAYS,
     DRIVE_ESTIMATE,
     DRIVE_PARAMETERS,
     GAIN_ERROR,
-    HYPOTHESES,
     LAG_ERROR,
     YAW_LAG_ERROR,
     DriveSettings,
@@ -24,6 +24,9 @@ from omnidrive.robot.slip import Vector
 
 _DISTURBANCE = 0.02
 """Standard deviation of the initial disturbance, m/s."""
+HYPOTHESES = 1 + DELAYS
+"""Number of hypotheses: first the known parameters, which are not corrected, then one for each
+delay, in ascending order."""
 _SIGNIFICANCE = 2.0
 """Number of standard errors up to which an estimate is not used."""
 
@@ -128,7 +131,7 @@ def identification_memory(commands: int) -> IdentificationMemory:
 
 def command_count(delay: float, period: float) -> int:
     """Return the number of commands to remember, for a known delay and a sample time, s."""
-    return ceil(delay / period) + HYPOTHESES + 1
+    return ceil(delay / period) + DELAYS + 1
 
 
 @compiled
@@ -148,12 +151,13 @@ def initialize(state: Any, known: Any, period: float) -> None:
         initial[i] = start[i]
     for k in range(HYPOTHESES):
         h = state.hypotheses[k]
-        h.delay = known.delay + k * period
+        h.delay = known.delay + max(k - 1, 0) * period
         h.covariance[:] = 0.0
         h.saturation = h.log_likelihood = h.mean_square = 0.0
         for i in range(PARAMETERS):
             h.parameters[i] = initial[i]
-            h.covariance[i, i] = INITIAL_ERRORS[i] ** 2
+            if k > 0:
+                h.covariance[i, i] = INITIAL_ERRORS[i] ** 2
 
 
 @compiled
@@ -235,7 +239,7 @@ def _significant(value: float, variance: float, initial: float) -> float:
 @compiled
 def update_estimate(state: Any) -> None:
     """Fill in the estimate: that of the chosen delay, and its standard errors."""
-    out, hypotheses, chosen = state.estimate, state.hypotheses, state.hypotheses[state.chosen]
+    out, hypotheses, chosen = state.estimate, state.hypotheses, state.hypotheses[max(state.chosen, 1)]
     p, variances, best = named(chosen.parameters), variances_of(chosen.covariance), -np.inf
     for h in hypotheses:
         best = max(best, h.log_likelihood)
@@ -249,7 +253,7 @@ def update_estimate(state: Any) -> None:
     for a in range(3):
         out.gains[a], out.gain_errors[a] = p[a], sqrt(variances[a])
     out.lag, out.lag_error = p.lag, sqrt(variances.lag)
-    period = hypotheses[1].delay - hypotheses[0].delay
+    period = hypotheses[2].delay - hypotheses[1].delay
     out.delay = chosen.delay
     out.delay_error = sqrt(by_delay / total + period * period / 12.0)  # of a uniform distribution
     out.yaw_lag = max(p.lag + p.excess, 0.0)

@@ -53,7 +53,7 @@ from omnidrive.estimation.drive.drive_identification import START, DriveSample, 
 from omnidrive.estimation.drive.identification_state import command_count, identification_memory
 from omnidrive.estimation.drive_estimate import (
     DRIVE_UNITS,
-    HYPOTHESES,
+    DELAYS,
     DriveEstimate,
     DriveSettings,
     check_start,
@@ -189,7 +189,7 @@ class HolonomicController(GuardedController):
 
     def _new_window(self) -> ReferenceWindow:
         """Return a window that also covers the longest delay that can be identified."""
-        return ReferenceWindow(self.horizon + HYPOTHESES, self.dt)
+        return ReferenceWindow(self.horizon + DELAYS, self.dt)
 
     @property
     def detail_units(self) -> Mapping[str, str]:
