@@ -68,6 +68,8 @@ are not independent of each other."""
 _SLIP_CAUTION = 30.0
 """Factor of the variances with all wheels at the friction limit, in addition: a wrong friction
 lasts for the whole slip, so that its innovations are not independent of each other either."""
+_LAG_TOLERANCE = 0.004
+"""Standard deviation of the error of the lag of the model, s."""
 _GATE = 24.0
 """Standard deviations beyond which a measured pose is one of a robot that was moved."""
 _LARGEST_EVIDENCE = 64.0
@@ -291,6 +293,7 @@ def _record(  # noqa: PLR0917
         known = h.state_covariance[a, 0, 0] + variances[a] + _MIN_VARIANCE
         recorded.value[a], recorded.by_parameters[a] = innovation[a], by_parameters
         recorded.variance[a] = (scale + _SLIP_CAUTION * h.saturation) * known
+        recorded.variance[a] += (_LAG_TOLERANCE * (sens[GAINS] + (sens[GAINS+1] if a == 2 else 0.0))) ** 2
         largest = max(
             largest, innovation[a] ** 2 / (known + (by_parameters if update_parameters else 0.0))
         )
