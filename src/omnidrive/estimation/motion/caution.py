@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 from omnidrive.compiled import compiled
 
 _KNOWN, _UNKNOWN = 0.15, 0.4
@@ -14,13 +16,16 @@ _MAX_DRIFT = 1e-3
 
 
 @compiled
-def caution(error: float, period: float) -> float:
+def caution(error: float, delay_error: float, period: float) -> float:
     """Return 0 for an identified delay to 1 for an unknown one.
 
     Args:
         error: Standard error of the sum of lag and delay, s.
+        delay_error: Standard error of the delay, s, that of a whole sample time included.
         period: Sample time, s.
     """
+    spread = sqrt(max(delay_error * delay_error - period * period / 12.0, 0.0))
+    error = max(error, spread)
     return float(min(max((error / period - _KNOWN) / (_UNKNOWN - _KNOWN), 0.0), 1.0))
 
 

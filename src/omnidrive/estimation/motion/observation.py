@@ -109,4 +109,5 @@ def _identify(  # noqa: PLR0917
     )
     identify(event, robot.model, robot.bounds, robot.drive, memory.identified, sample)
     found = memory.identified.state[0]
-    state.drive, state.caution = found.applied, caution(found.estimate.sum_error, period)
+    state.drive = found.applied
+    state.caution = caution(found.estimate.sum_error, found.estimate.delay_error, period)
