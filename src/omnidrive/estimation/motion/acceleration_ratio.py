@@ -49,6 +49,12 @@ def response_ratio(state: Any) -> float:
 
 
 @compiled
+def shows_no_delay(state: Any) -> float:
+    """Return 1 where accelerations have been followed at once, 0 without or against evidence."""
+    return float(state.response.prompt) * (1.0 - float(state.response.delayed))
+
+
+@compiled
 def is_late(state: Any) -> bool:
     """Return whether the robot has responded later than predicted within the last second or so."""
     return bool(state.response.late > 0.5)
@@ -99,10 +105,12 @@ def update_reached(  # noqa: PLR0917
         load = max(load, abs(change) / dt)
     share, response = 1.0 - missing / expected, state.response
     response.delayed *= 1.0 - dt / _DELAY_FORGETTING_TIME
+    response.prompt *= 1.0 - dt / _DELAY_FORGETTING_TIME
     response.late *= max(1.0 - dt / _LATE_FORGETTING_TIME, 0.0)
     if load > _MIN_LOAD:
         delayed = min(max((_PROMPT - share) / (_PROMPT - _DELAYED), 0.0), 1.0)
         response.delayed = max(response.delayed, delayed)
+        response.prompt = max(response.prompt, 1.0 - delayed)
         late = min(max((_PUNCTUAL - share) / (_PUNCTUAL - _LATE), 0.0), 1.0)
         response.late = max(response.late, late)
     reached = min(max(share, 0.0), 1.0) * min(load, 1.0)

@@ -28,7 +28,12 @@ NOISE = np.dtype([
 difference of a measured displacement from the predicted one, and the last residual; and the number
 of measurements. See :func:`~.pose_noise.estimate_noise` and :func:`~.motion_observer.correct`."""
 
-RESPONSE = np.dtype([("excess_ratio", "f8"), ("delayed", "f8"), ("late", "f8")], align=True)
+RESPONSE = np.dtype([
+    ("excess_ratio", "f8"),
+    ("delayed", "f8"),
+    ("late", "f8"),
+    ("prompt", "f8"),
+], align=True)  # fmt: skip
 """Share of the planned acceleration that the robot reaches, minus the assumed one; how much its
 response is delayed, and has lately been late, 0 to 1; see
 :func:`~.acceleration_ratio.reached_share`, :func:`~.acceleration_ratio.response_ratio` and
@@ -122,7 +127,7 @@ def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
     memory.commands[:] = 0.0
     noise.position_variance = noise.yaw_variance = state.slip_time = 0.0
     noise.measurements = 0
-    response.excess_ratio = response.delayed = response.late = 0.0
+    response.excess_ratio = response.delayed = response.late = response.prompt = 0.0
 
 
 @compiled

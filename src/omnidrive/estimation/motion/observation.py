@@ -13,7 +13,7 @@ from omnidrive.estimation.drive.drive_identification import (
     START,
     DriveSample,
 )
-from omnidrive.estimation.motion.acceleration_ratio import update_reached
+from omnidrive.estimation.motion.acceleration_ratio import shows_no_delay, update_reached
 from omnidrive.estimation.motion.caution import caution
 from omnidrive.estimation.motion.motion_memory import MotionMemory, restart
 from omnidrive.estimation.motion.motion_observer import (
@@ -90,7 +90,7 @@ def _identify(  # noqa: PLR0917
 ) -> None:
     """Update the identified parameters of the drive after a sample, unless poses are noisy."""
     if identify is None:
-        memory.state[0].caution = 1.0
+        memory.state[0].caution = 1.0 - shows_no_delay(memory.state[0])
         return
     state, sent, variances = memory.state[0], memory.commands[0], now.variances
     twist = state.twist
@@ -110,4 +110,5 @@ def _identify(  # noqa: PLR0917
     identify(event, robot.model, robot.bounds, robot.drive, memory.identified, sample)
     found = memory.identified.state[0]
     state.drive = found.applied
-    state.caution = caution(found.estimate.sum_error, found.estimate.delay_error, period)
+    unknown = caution(found.estimate.sum_error, found.estimate.delay_error, period)
+    state.caution = unknown * (1.0 - shows_no_delay(state))
