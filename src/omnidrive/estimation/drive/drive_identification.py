@@ -74,8 +74,9 @@ _GATE = 24.0
 """Standard deviations beyond which a measured pose is one of a robot that was moved."""
 _LARGEST_EVIDENCE = 64.0
 """Largest square of an innovation over its variance in a likelihood."""
-_CHANGE = 10.0
-"""Logarithm of the likelihood ratio above which another delay is chosen."""
+_CHANGE, _CHANGE_IN_APPROACH = 10.0, 4.0
+"""Logarithm of the likelihood ratio above which another hypothesis is chosen; and in an approach
+before any was chosen: it lasts for a few samples only."""
 _LIKELIHOOD_MEMORY = 5.0
 """Time constant with which the likelihoods are forgotten, s."""
 _LARGEST = 1e6
@@ -171,9 +172,9 @@ def _update(  # noqa: PLR0917
             restart_hypothesis(h, pose if measured else _REST, _REST)
             for a in range(3):
                 h.state_covariance[a, 1, 1] = (axis_unit(model, a) * _UNKNOWN_TWIST) ** 2
-    if fresh and update_parameters:
+    if fresh:
         _compare(state.hypotheses, dt, scale, min(excess, 1.0))
-        _choose(settings, state)
+        _choose(settings, state, not update_parameters)
 
 
 @compiled
@@ -197,7 +198,7 @@ def _compare(hypotheses: Any, dt: float, scale: float, unexplained: float) -> No
         largest = 0.0
         for h in hypotheses:
             slips = _SLIP_CAUTION * h.saturation
-            share = (scale + unexplained * slips) / (scale + slips)
+            share = scale / (scale + slips)
             largest = max(largest, share * h.innovation.variance[a])
         for h in hypotheses:
             total = largest + h.innovation.by_parameters[a]
@@ -206,9 +207,10 @@ def _compare(hypotheses: Any, dt: float, scale: float, unexplained: float) -> No
 
 
 @compiled
-def _choose(settings: DriveSettings, state: Any) -> None:
+def _choose(settings: DriveSettings, state: Any, approaches: bool) -> None:
     """Choose the delay that explains the motion far better than the present one, if any does."""
-    best = state.hypotheses[state.chosen].log_likelihood + _CHANGE
+    margin = _CHANGE_IN_APPROACH if approaches and state.chosen == 0 else _CHANGE
+    best = state.hypotheses[state.chosen].log_likelihood + margin
     for k in range(HYPOTHESES):
         h = state.hypotheses[k]
         if h.log_likelihood > best and h.delay <= settings.max_delay:

@@ -29,7 +29,7 @@ _RIPPLE_TIME = 0.05
 """Time for which such an error lasts, s."""
 _ACCELERATION = 0.025
 """Standard deviation of the acceleration that the model does not explain, m/s^2."""
-_SLIP_ACCELERATION = 8.0
+_SLIP_ACCELERATION = 2.0
 """Likewise with all wheels at the friction limit, m/s^2."""
 _DRIFT = 0.0008
 """Standard deviation of the change of the disturbance in a second, m/s."""

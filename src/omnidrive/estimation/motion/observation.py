@@ -109,6 +109,8 @@ def _identify(  # noqa: PLR0917
     )
     identify(event, robot.model, robot.bounds, robot.drive, memory.identified, sample)
     found = memory.identified.state[0]
+    if found.applied.delay != state.drive.delay:  # the response was late by another delay
+        state.response.delayed = state.response.late = state.response.prompt = 0.0
     state.drive = found.applied
     unknown = caution(found.estimate.sum_error, found.estimate.delay_error, period)
     state.caution = unknown * (1.0 - shows_no_delay(state))
