@@ -74,9 +74,10 @@ _GATE = 24.0
 """Standard deviations beyond which a measured pose is one of a robot that was moved."""
 _LARGEST_EVIDENCE = 64.0
 """Largest square of an innovation over its variance in a likelihood."""
-_CHANGE, _CHANGE_IN_APPROACH = 10.0, 4.0
-"""Logarithm of the likelihood ratio above which another hypothesis is chosen; and in an approach
-before any was chosen: it lasts for a few samples only."""
+_CHANGE, _CHANGE_IN_APPROACH, _CHANGE_UNCONFIRMED = 10.0, 4.0, 3.0
+"""Logarithm of the likelihood ratio above which another hypothesis is chosen; in an approach,
+which lasts for a few samples only, instead of the known parameters; and instead of a hypothesis
+that was never far better than all others."""
 _LIKELIHOOD_MEMORY = 5.0
 """Time constant with which the likelihoods are forgotten, s."""
 _LARGEST = 1e6
@@ -208,13 +209,29 @@ def _compare(hypotheses: Any, dt: float, scale: float, unexplained: float) -> No
 
 @compiled
 def _choose(settings: DriveSettings, state: Any, approaches: bool) -> None:
-    """Choose the delay that explains the motion far better than the present one, if any does."""
-    margin = _CHANGE_IN_APPROACH if approaches and state.chosen == 0 else _CHANGE
-    best = state.hypotheses[state.chosen].log_likelihood + margin
+    """Choose the hypothesis that explains the motion far better than the present one, if any does.
+
+    Another hypothesis that was chosen by a small lead over the next one is left as easily.
+    """
+    chosen, hypotheses = state.chosen, state.hypotheses
+    margin = _CHANGE
+    if chosen == 0 and approaches:
+        margin = _CHANGE_IN_APPROACH
+    elif chosen > 0 and not state.is_confirmed:
+        margin = _CHANGE_UNCONFIRMED
+    best = hypotheses[chosen].log_likelihood + margin
     for k in range(HYPOTHESES):
-        h = state.hypotheses[k]
+        h = hypotheses[k]
         if h.log_likelihood > best and h.delay <= settings.max_delay:
             state.chosen, best = k, h.log_likelihood
+    if state.chosen != chosen:
+        state.is_confirmed = 0
+    others = -inf
+    for k in range(HYPOTHESES):
+        if k != state.chosen:
+            others = max(others, hypotheses[k].log_likelihood)
+    if hypotheses[state.chosen].log_likelihood > others + _CHANGE:
+        state.is_confirmed = 1
 
 
 @compiled

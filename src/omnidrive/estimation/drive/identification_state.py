@@ -102,12 +102,14 @@ IDENTIFICATION = np.dtype([
     ("applied", DRIVE_PARAMETERS),
     ("hypotheses", HYPOTHESIS, HYPOTHESES),
     ("chosen", "i8"),
+    ("is_confirmed", "i8"),
     ("initial", "f8", PARAMETERS),
     ("work", WORKSPACE),
     ("variants", VARIANT, 1 + PARAMETERS),
 ], align=True)  # fmt: skip
 """Estimates with their standard errors; parameters that a controller should use; a hypothesis for
-every delay, in ascending order; index of the one in use; parameters before the first sample; and
+every delay, in ascending order; index of the one in use, and whether it was once far better than
+all others; parameters before the first sample; and
 workspaces of a correction and of a prediction, the latter with a variant for the estimates, and one
 for each parameter."""
 
@@ -144,7 +146,7 @@ def initialize(state: Any, known: Any, period: float) -> None:
             :data:`~omnidrive.estimation.drive_estimate.DRIVE_PARAMETERS`.
         period: Sample time, s.
     """
-    state.chosen = 0
+    state.chosen = state.is_confirmed = 0
     (x, y, yaw), initial = known.gains, state.initial
     start = FilterParameters(x, y, yaw, known.lag, known.yaw_lag - known.lag)
     for i in range(PARAMETERS):
