@@ -175,7 +175,7 @@ def test_gains_and_response_time_are_found(name, change, gains, response):
     assert early.lag + early.delay == pytest.approx(response, abs=0.01)
     assert late.lag + late.delay == pytest.approx(response, abs=0.006)
     for estimate, true, error in zip(late.gains, gains, late.gain_errors, strict=True):
-        assert abs(estimate - true) < max(0.01, 2.0 * error)
+        assert abs(estimate - true) < max(0.01, 3.0 * error)
 
 
 def test_lag_and_delay_are_told_apart_by_hard_starts():

@@ -312,7 +312,9 @@ def _record(  # noqa: PLR0917
         known = h.state_covariance[a, 0, 0] + variances[a] + _MIN_VARIANCE
         recorded.value[a], recorded.by_parameters[a] = innovation[a], by_parameters
         recorded.variance[a] = (scale + _SLIP_CAUTION * h.saturation) * known
-        recorded.variance[a] += (_LAG_TOLERANCE * (sens[GAINS] + (sens[GAINS+1] if a == 2 else 0.0))) ** 2
+        recorded.variance[a] += (
+            _LAG_TOLERANCE * (sens[GAINS] + (sens[GAINS + 1] if a == 2 else 0.0))
+        ) ** 2
         largest = max(
             largest, innovation[a] ** 2 / (known + (by_parameters if update_parameters else 0.0))
         )

@@ -241,7 +241,11 @@ def _significant(value: float, variance: float, initial: float) -> float:
 @compiled
 def update_estimate(state: Any) -> None:
     """Fill in the estimate: that of the chosen delay, and its standard errors."""
-    out, hypotheses, chosen = state.estimate, state.hypotheses, state.hypotheses[max(state.chosen, 1)]
+    out, hypotheses, chosen = (
+        state.estimate,
+        state.hypotheses,
+        state.hypotheses[max(state.chosen, 1)],
+    )
     p, variances, best = named(chosen.parameters), variances_of(chosen.covariance), -np.inf
     for h in hypotheses:
         best = max(best, h.log_likelihood)

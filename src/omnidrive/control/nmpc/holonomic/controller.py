@@ -52,8 +52,8 @@ from omnidrive.estimation import State
 from omnidrive.estimation.drive.drive_identification import START, DriveSample, identify
 from omnidrive.estimation.drive.identification_state import command_count, identification_memory
 from omnidrive.estimation.drive_estimate import (
-    DRIVE_UNITS,
     DELAYS,
+    DRIVE_UNITS,
     DriveEstimate,
     DriveSettings,
     check_start,
