@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from math import sqrt
+from typing import Any
 
 from omnidrive.compiled import compiled
+from omnidrive.estimation.motion.acceleration_ratio import shows_no_delay
 
 _KNOWN, _UNKNOWN = 0.15, 0.4
 """Standard errors of lag and delay, in sample times, up to which the delay counts as identified,
 and from which on as unknown."""
+_RISE_TIME = 0.5
+"""Time from no to full caution without evidence for or against a delay, s."""
 _MAX_GAIN = 0.28
 """Largest feedback gain per sample with an unknown delay, 1."""
 _MAX_DRIFT = 1e-3
@@ -16,7 +20,7 @@ _MAX_DRIFT = 1e-3
 
 
 @compiled
-def caution(error: float, delay_error: float, period: float) -> float:
+def unknown_delay(error: float, delay_error: float, period: float) -> float:
     """Return 0 for an identified delay to 1 for an unknown one.
 
     Args:
@@ -25,8 +29,24 @@ def caution(error: float, delay_error: float, period: float) -> float:
         period: Sample time, s.
     """
     spread = sqrt(max(delay_error * delay_error - period * period / 12.0, 0.0))
-    error = max(error, spread)
-    return float(min(max((error / period - _KNOWN) / (_UNKNOWN - _KNOWN), 0.0), 1.0))
+    ratio = (max(error, spread) / period - _KNOWN) / (_UNKNOWN - _KNOWN)
+    return float(min(max(ratio, 0.0), 1.0))
+
+
+@compiled
+def update_caution(state: Any, unknown: float, dt: float) -> None:
+    """Update the caution of an observer.
+
+    It is 0 at the start, so that a robot that accelerates at once does so with the full feedback:
+    an instability needs several samples to grow. It rises at once where the response was late.
+
+    Args:
+        state: Estimates of the observer; changed in place.
+        unknown: 0 for an identified delay to 1 for an unknown one.
+        dt: Time since the last sample, s.
+    """
+    highest = state.caution + max(dt / _RISE_TIME, state.response.delayed)
+    state.caution = min(unknown * (1.0 - shows_no_delay(state)), highest)
 
 
 def max_gain(period: float) -> float:

@@ -125,7 +125,7 @@ def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
         noise.difference[a] = noise.residual[a] = state.jump[a] = 0.0
     state.covariance[:] = 0.0
     memory.commands[:] = 0.0
-    noise.position_variance = noise.yaw_variance = state.slip_time = 0.0
+    noise.position_variance = noise.yaw_variance = state.slip_time = state.caution = 0.0
     noise.measurements = 0
     response.excess_ratio = response.delayed = response.late = response.prompt = 0.0
 

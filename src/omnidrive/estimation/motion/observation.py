@@ -13,8 +13,8 @@ from omnidrive.estimation.drive.drive_identification import (
     START,
     DriveSample,
 )
-from omnidrive.estimation.motion.acceleration_ratio import shows_no_delay, update_reached
-from omnidrive.estimation.motion.caution import caution
+from omnidrive.estimation.motion.acceleration_ratio import update_reached
+from omnidrive.estimation.motion.caution import unknown_delay, update_caution
 from omnidrive.estimation.motion.motion_memory import MotionMemory, restart
 from omnidrive.estimation.motion.motion_observer import (
     STEADY_SATURATION,
@@ -90,7 +90,7 @@ def _identify(  # noqa: PLR0917
 ) -> None:
     """Update the identified parameters of the drive after a sample, unless poses are noisy."""
     if identify is None:
-        memory.state[0].caution = 1.0 - shows_no_delay(memory.state[0])
+        update_caution(memory.state[0], 1.0, elapsed)
         return
     state, sent, variances = memory.state[0], memory.commands[0], now.variances
     twist = state.twist
@@ -112,5 +112,5 @@ def _identify(  # noqa: PLR0917
     if found.applied.delay != state.drive.delay:  # the response was late by another delay
         state.response.delayed = state.response.late = state.response.prompt = 0.0
     state.drive = found.applied
-    unknown = caution(found.estimate.sum_error, found.estimate.delay_error, period)
-    state.caution = unknown * (1.0 - shows_no_delay(state))
+    unknown = unknown_delay(found.estimate.sum_error, found.estimate.delay_error, period)
+    update_caution(state, unknown, elapsed)
