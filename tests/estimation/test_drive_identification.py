@@ -347,7 +347,7 @@ def test_what_the_motion_did_not_determine_keeps_its_value_in_the_file():
 def test_the_state_starts_with_the_known_drive_and_holds_the_latest_commands():
     run = Identification(named_robot("small"), DT, DriveEstimate((0.9, 1.1, 0.8), 0.02, 0.04))
     state = run.start().state
-    assert state["hypotheses"]["delay"] == pytest.approx([0.04, 0.09, 0.14])
+    assert state["hypotheses"]["delay"] == pytest.approx([0.04, 0.04, 0.09, 0.14, 0.19, 0.24])
     assert (state["hypotheses"]["parameters"] == [0.9, 1.1, 0.8, 0.02, 0.0]).all()
     assert (state["initial"] == [0.9, 1.1, 0.8, 0.02, 0.0]).all()
     for k, twist in enumerate([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]):

@@ -294,9 +294,10 @@ def limit_parameters(settings: DriveSettings, h: Any, change: Float[Array, " par
 def forget(settings: DriveSettings, h: Any, old: Float[Array, "5 5"], dt: float) -> None:
     """Forget information: its matrix P^-1 decays towards the inverse of the initial covariance.
 
-    ``old`` is a workspace.
+    It does so faster where the hypothesis does not explain the motion, in proportion to the mean
+    square of the innovations over their variance. ``old`` is a workspace.
     """
-    cov, share = h.covariance, min(dt / settings.memory, 0.5)
+    cov, share = h.covariance, min(dt / settings.memory * min(max(h.mean_square, 1.0), 5.0), 0.5)
     for i in range(PARAMETERS):
         for j in range(PARAMETERS):
             old[i, j] = cov[i, j]
