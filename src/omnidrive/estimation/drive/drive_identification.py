@@ -43,6 +43,7 @@ from omnidrive.estimation.drive.identification_state import (
     IdentificationMemory,
     apply_parameters,
     forget,
+    forgetting_pace,
     initialize,
     limit_parameters,
     restart,
@@ -72,7 +73,7 @@ _LAG_TOLERANCE = 0.004
 """Standard deviation of the error of the lag of the model, s."""
 _GATE = 24.0
 """Standard deviations beyond which a measured pose is one of a robot that was moved."""
-_LARGEST_EVIDENCE = 64.0
+_LARGEST_EVIDENCE = 12.0
 """Largest square of an innovation over its variance in a likelihood."""
 _CHANGE, _CHANGE_IN_APPROACH, _CHANGE_UNCONFIRMED = 10.0, 4.0, 3.0
 """Logarithm of the likelihood ratio above which another hypothesis is chosen; in an approach,
@@ -164,7 +165,7 @@ def _update(  # noqa: PLR0917
     rates, excess = inverse_lags(model), inf
     for h in state.hypotheses:
         excess = min(excess, h.mean_square)
-    scale = max(1.0, _CAUTION * excess)
+    scale = _variance_scale(excess)
     for h in state.hypotheses:
         predict(model, rates, h, state.variants, commands, dt)
         if fresh:
@@ -174,27 +175,35 @@ def _update(  # noqa: PLR0917
             for a in range(3):
                 h.state_covariance[a, 1, 1] = (axis_unit(model, a) * _UNKNOWN_TWIST) ** 2
     if fresh:
-        _compare(state.hypotheses, dt, scale, min(excess, 1.0))
+        _compare(state, dt, excess)
         _choose(settings, state, not update_parameters)
 
 
 @compiled
-def _compare(hypotheses: Any, dt: float, scale: float, unexplained: float) -> None:
+def _variance_scale(excess: float) -> float:
+    """Return the factor of the variances for the least mean square of the innovations."""
+    return max(1.0, _CAUTION * excess)
+
+
+@compiled
+def _compare(state: Any, dt: float, excess: float) -> None:
     """Update the likelihoods of the delays by the latest innovations.
 
-    The variance that wheel slip adds is that of the hypothesis with most slip: it is an upper
-    bound, so that its logarithm must not decide. The caution with slip is needed only as far as no
-    hypothesis explains the slip: one that does so has the right friction.
+    Old evidence is forgotten faster where another hypothesis explains the motion better. The
+    variance that wheel slip adds is that of the hypothesis with most slip: it is an upper bound, so
+    that its logarithm must not decide. The caution with slip concerns the parameters only: no floor
+    makes a robot respond later.
 
     Args:
-        hypotheses: Changed in place.
+        state: Hypotheses and the chosen one; changed in place.
         dt: Time since the last sample, s.
-        scale: Factor of the variances without slip.
-        unexplained: Mean square of the innovations of the best hypothesis over their variance, up
-            to 1.
+        excess: Least mean square of the innovations over their variance.
     """
+    hypotheses = state.hypotheses
+    pace = forgetting_pace(hypotheses[state.chosen].mean_square / max(excess, 1.0))
+    scale = _variance_scale(excess)
     for h in hypotheses:
-        h.log_likelihood *= max(1.0 - dt / _LIKELIHOOD_MEMORY, 0.0)
+        h.log_likelihood *= max(1.0 - dt * pace / _LIKELIHOOD_MEMORY, 0.0)
     for a in range(3):
         largest = 0.0
         for h in hypotheses:

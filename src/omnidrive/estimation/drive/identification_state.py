@@ -27,6 +27,7 @@ _DISTURBANCE = 0.02
 HYPOTHESES = 1 + DELAYS
 """Number of hypotheses: first the known parameters, which are not corrected, then one for each
 delay, in ascending order."""
+_MAX_FORGETTING_PACE = 5.0
 _SIGNIFICANCE = 2.0
 """Number of standard errors up to which an estimate is not used."""
 
@@ -291,13 +292,21 @@ def limit_parameters(settings: DriveSettings, h: Any, change: Float[Array, " par
 
 
 @compiled
+def forgetting_pace(ratio: float) -> float:
+    """Return how many times faster information is forgotten than where all is explained.
+
+    ``ratio`` is a mean square of innovations over the one that is explained.
+    """
+    return float(min(max(ratio, 1.0), _MAX_FORGETTING_PACE))
+
+
+@compiled
 def forget(settings: DriveSettings, h: Any, old: Float[Array, "5 5"], dt: float) -> None:
     """Forget information: its matrix P^-1 decays towards the inverse of the initial covariance.
 
-    It does so faster where the hypothesis does not explain the motion, in proportion to the mean
-    square of the innovations over their variance. ``old`` is a workspace.
+    ``old`` is a workspace.
     """
-    cov, share = h.covariance, min(dt / settings.memory * min(max(h.mean_square, 1.0), 5.0), 0.5)
+    cov, share = h.covariance, min(dt / settings.memory * forgetting_pace(h.mean_square), 0.5)
     for i in range(PARAMETERS):
         for j in range(PARAMETERS):
             old[i, j] = cov[i, j]
