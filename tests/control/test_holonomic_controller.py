@@ -356,7 +356,7 @@ def test_unknown_solver_is_rejected():
 
 def test_rti_plan_is_feasible_and_nearly_optimal():
     """Without active limits it is optimal."""
-    near, far = Circle().at(0.0).pose, Pose(0.3, -0.2, 0.5)
+    near, far = Circle().at(0.0).pose, Pose(0.3, -0.2, -1.5)
     quick, full = holonomic_nmpc(CHASSIS, DT, solver="rti"), holonomic_nmpc(CHASSIS, DT)
     assert quick.step(0.0, State(0.0, near), Circle()) == full.step(0.0, State(0.0, near), Circle())
     command = quick.step(0.0, State(0.0, far), Circle())

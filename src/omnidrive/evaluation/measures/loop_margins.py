@@ -104,10 +104,7 @@ def loop_margins(
     """
     _check_parts(plant, reference)
     check_choice("component of the command", axis, get_args(LoopAxis))
-    check_sample_time(dt)
-    check_number("at", at, Bounds(0.0, 1e4, "s"))
-    check_number("response", response, Bounds(10.0 * dt, 1e4, "s"))
-    check_number("amplitude", amplitude, Bounds(1e-9, 1.0, "m/s or rad/s"))
+    _check_numbers(dt, at, response, amplitude)
     column = get_args(LoopAxis).index(axis)
     first, end = _samples(reference, dt, at, response)
     still, plus, minus = (
@@ -125,6 +122,13 @@ def loop_margins(
     return margins_of_response(impulse_response, dt)._replace(
         nonlinearity=float(0.5 * np.abs(up - down).max() / largest)
     )
+
+
+def _check_numbers(dt: float, at: float, response: float, amplitude: float) -> None:
+    check_sample_time(dt)
+    check_number("at", at, Bounds(0.0, 1e4, "s"))
+    check_number("response", response, Bounds(10.0 * dt, 1e4, "s"))
+    check_number("amplitude", amplitude, Bounds(1e-9, 1.0, "m/s or rad/s"))
 
 
 def _check_parts(plant: object, reference: object) -> None:
