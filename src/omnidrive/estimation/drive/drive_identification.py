@@ -7,7 +7,8 @@ disturbance d, which is constant in W as the force of a slope is, moves the robo
 
     T dm/dt = g u(t - D) - m
 
-Several delays D are compared: the known one, and one and two sample times more. A continuous D
+Hypotheses are compared: the known delay D, and one to four sample times more, each with parameters
+of its own; and the known drive, whose parameters are not corrected. A continuous D
 would have local minima, because a delay and a lag are alike to smooth motions and an oscillation
 repeats itself. For each of them, displacement, body twist and disturbance of every axis are the
 states of a Kalman filter. The three gains and two lags have a filter of their own, whose regressors
@@ -39,6 +40,7 @@ from omnidrive.estimation.drive.drive_prediction import predict
 from omnidrive.estimation.drive.identification_state import (
     GAINS,
     HYPOTHESES,
+    KNOWN,
     PARAMETERS,
     IdentificationMemory,
     apply_parameters,
@@ -46,6 +48,7 @@ from omnidrive.estimation.drive.identification_state import (
     forgetting_pace,
     initialize,
     limit_parameters,
+    named,
     restart,
     restart_hypothesis,
     update_estimate,
@@ -224,9 +227,9 @@ def _choose(settings: DriveSettings, state: Any, approaches: bool) -> None:
     """
     chosen, hypotheses = state.chosen, state.hypotheses
     margin = _CHANGE
-    if chosen == 0 and approaches:
+    if chosen == KNOWN and approaches:
         margin = _CHANGE_IN_APPROACH
-    elif chosen > 0 and not state.is_confirmed:
+    elif chosen != KNOWN and not state.is_confirmed:
         margin = _CHANGE_UNCONFIRMED
     best = hypotheses[chosen].log_likelihood + margin
     for k in range(HYPOTHESES):
@@ -320,10 +323,10 @@ def _record(  # noqa: PLR0917
                 by_parameters += sens[i] * sens[j] * h.covariance[i, j]
         known = h.state_covariance[a, 0, 0] + variances[a] + _MIN_VARIANCE
         recorded.value[a], recorded.by_parameters[a] = innovation[a], by_parameters
+        by = named(sens)
+        by_lag = by.lag + by.excess if a == 2 else by.lag
         recorded.variance[a] = (scale + _SLIP_CAUTION * h.saturation) * known
-        recorded.variance[a] += (
-            _LAG_TOLERANCE * (sens[GAINS] + (sens[GAINS + 1] if a == 2 else 0.0))
-        ) ** 2
+        recorded.variance[a] += (_LAG_TOLERANCE * by_lag) ** 2
         largest = max(
             largest, innovation[a] ** 2 / (known + (by_parameters if update_parameters else 0.0))
         )

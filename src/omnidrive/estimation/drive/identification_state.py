@@ -25,9 +25,12 @@ from omnidrive.robot.slip import Vector
 _DISTURBANCE = 0.02
 """Standard deviation of the initial disturbance, m/s."""
 HYPOTHESES = 1 + DELAYS
-"""Number of hypotheses: first the known parameters, which are not corrected, then one for each
-delay, in ascending order."""
+"""Number of hypotheses: first that of the known drive, whose parameters are not corrected, then one
+for each delay, in ascending order."""
+KNOWN = 0
+"""Hypothesis of the known drive; the next one has the same delay."""
 _MAX_FORGETTING_PACE = 5.0
+"""Most times that information is forgotten faster where it does not explain the motion."""
 _SIGNIFICANCE = 2.0
 """Number of standard errors up to which an estimate is not used."""
 
@@ -108,11 +111,10 @@ IDENTIFICATION = np.dtype([
     ("work", WORKSPACE),
     ("variants", VARIANT, 1 + PARAMETERS),
 ], align=True)  # fmt: skip
-"""Estimates with their standard errors; parameters that a controller should use; a hypothesis for
-every delay, in ascending order; index of the one in use, and whether it was once far better than
-all others; parameters before the first sample; and
-workspaces of a correction and of a prediction, the latter with a variant for the estimates, and one
-for each parameter."""
+"""Estimates with their standard errors; parameters that a controller should use; the
+hypotheses; index of the one in use, and whether it was once far better than all others; parameters
+before the first sample; and workspaces of a correction and of a prediction, the latter with a
+variant for the estimates, and one for each parameter."""
 
 
 class IdentificationMemory(NamedTuple):
@@ -147,19 +149,19 @@ def initialize(state: Any, known: Any, period: float) -> None:
             :data:`~omnidrive.estimation.drive_estimate.DRIVE_PARAMETERS`.
         period: Sample time, s.
     """
-    state.chosen = state.is_confirmed = 0
+    state.chosen, state.is_confirmed = KNOWN, 0
     (x, y, yaw), initial = known.gains, state.initial
     start = FilterParameters(x, y, yaw, known.lag, known.yaw_lag - known.lag)
     for i in range(PARAMETERS):
         initial[i] = start[i]
     for k in range(HYPOTHESES):
         h = state.hypotheses[k]
-        h.delay = known.delay + max(k - 1, 0) * period
+        h.delay = known.delay + max(k - KNOWN - 1, 0) * period
         h.covariance[:] = 0.0
         h.saturation = h.log_likelihood = h.mean_square = 0.0
         for i in range(PARAMETERS):
             h.parameters[i] = initial[i]
-            if k > 0:
+            if k != KNOWN:
                 h.covariance[i, i] = INITIAL_ERRORS[i] ** 2
 
 
@@ -245,7 +247,7 @@ def update_estimate(state: Any) -> None:
     out, hypotheses, chosen = (
         state.estimate,
         state.hypotheses,
-        state.hypotheses[max(state.chosen, 1)],
+        state.hypotheses[max(state.chosen, KNOWN + 1)],
     )
     p, variances, best = named(chosen.parameters), variances_of(chosen.covariance), -np.inf
     for h in hypotheses:
@@ -260,7 +262,7 @@ def update_estimate(state: Any) -> None:
     for a in range(3):
         out.gains[a], out.gain_errors[a] = p[a], sqrt(variances[a])
     out.lag, out.lag_error = p.lag, sqrt(variances.lag)
-    period = hypotheses[2].delay - hypotheses[1].delay
+    period = hypotheses[KNOWN + 2].delay - hypotheses[KNOWN + 1].delay
     out.delay = chosen.delay
     out.delay_error = sqrt(by_delay / total + period * period / 12.0)  # of a uniform distribution
     out.yaw_lag = max(p.lag + p.excess, 0.0)

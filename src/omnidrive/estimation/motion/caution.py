@@ -1,4 +1,9 @@
-"""Bounds of feedback gains where the delay of the robot's response is not identified."""
+"""Reduction of the feedback where the delay of the robot's response is not identified.
+
+Cautious control (Astrom & Wittenmark, "Adaptive Control", 2nd ed. 1995, section 7.3): less feedback
+where a parameter is uncertain. The bounds follow from the linear loop of feedback gain, motor lag
+and observer, so that it has a delay margin of two sample times (decision 0028).
+"""
 
 from __future__ import annotations
 

@@ -35,9 +35,10 @@ RESPONSE = np.dtype([
     ("prompt", "f8"),
 ], align=True)  # fmt: skip
 """Share of the planned acceleration that the robot reaches, minus the assumed one; how much its
-response is delayed, and has lately been late, 0 to 1; see
-:func:`~.acceleration_ratio.reached_share`, :func:`~.acceleration_ratio.response_ratio` and
-:func:`~.acceleration_ratio.is_late`."""
+response is delayed, and has lately been late, 0 to 1; and how clearly hard accelerations were
+followed at once, 0 to 1. See :func:`~.acceleration_ratio.reached_share`,
+:func:`~.acceleration_ratio.response_ratio`, :func:`~.acceleration_ratio.is_late` and
+:func:`~.acceleration_ratio.shows_no_delay`."""
 
 MOTION = np.dtype([
     ("pose", "f8", 3),
