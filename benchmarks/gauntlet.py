@@ -21,20 +21,9 @@ from pathlib import Path
 from time import monotonic
 
 from figures import console
-from gauntlet_cases import CASES
-from gauntlet_cells import (
-    CONTROLLERS,
-    DTS,
-    PARTS,
-    PLANTS,
-    RECOMMENDED,
-    Cell,
-    Figures,
-    Grid,
-    cost_of,
-    run_cell,
-)
-from gauntlet_references import SHAPES, STEPS
+from gauntlet_cases import ALL_CASES
+from gauntlet_cells import RECOMMENDED, UNADAPTED, Cell, Figures, cost_of, run_cell
+from gauntlet_grid import DTS, PARTS, Grid
 from gauntlet_rows import NEGLIGIBLE, entries
 from gauntlet_table import TableFile, changes, read_table, version
 from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
@@ -47,6 +36,7 @@ from omnidrive.robot import ROBOTS
 OUT = Path(__file__).parent / "out"
 STUDY = Path(__file__).parent / "gauntlet_study.csv"
 """Figures of the paper's study before the changes that the gauntlet judges."""
+GRID = Grid()
 QUICK = Grid(
     parts=tuple(part for part in PARTS if part not in ("noise", "study")),
     robots=("small",), dts=(0.05,), plants=("ball",), references=("eight", "step-all"),
@@ -69,10 +59,10 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     several("--only", PARTS)
     several("--robots", tuple(ROBOTS))
     several("--dts", DTS, float)
-    several("--plants", PLANTS)
-    several("--cases", tuple(CASES))
-    several("--references", (*SHAPES, *STEPS))
-    several("--controllers", CONTROLLERS)
+    several("--plants", GRID.plants)
+    several("--cases", tuple(ALL_CASES))
+    several("--references", GRID.references)
+    several("--controllers", GRID.controllers)
     parser.add_argument("--quick", action="store_true", help="one robot, about a minute")
     parser.add_argument("--processes", type=int, default=available_cores())
     parser.add_argument("--out", type=Path, default=OUT / "gauntlet.csv", help="table of all cells")
@@ -88,8 +78,8 @@ def grid_of(options: argparse.Namespace) -> Grid:
     values = {key: value and tuple(value) for key, value in vars(options).items()
               if key in Grid.__dataclass_fields__}  # fmt: skip
     if options.others and not options.controllers:
-        values["controllers"] = (RECOMMENDED,)
-    base = QUICK if options.quick else Grid()
+        values["controllers"] = (RECOMMENDED, UNADAPTED)
+    base = QUICK if options.quick else GRID
     return base.with_values(**values, parts=options.only and tuple(options.only))
 
 
@@ -165,7 +155,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         console.print(f"the code has changed: the former table is now {file.previous}")
     run(cells, file, options.processes)
     selected = {cell: file.cells[cell] for cell in cells if cell in file.cells}
-    compared = {cell._replace(controller=name) for cell in selected for name in CONTROLLERS}
+    compared = {cell._replace(controller=name) for cell in selected for name in GRID.controllers}
     selected = {c: f for c, f in others.items() if c in compared} | selected
     report(entries(selected, read_table(STUDY)), options.worst)
     if options.against:

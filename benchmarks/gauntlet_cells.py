@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, fields, replace
 from functools import cache
 from math import inf, nan
 from typing import NamedTuple
 
 import numpy as np
-from gauntlet_cases import CASES, case_plant
+from gauntlet_cases import ALL_CASES, case_plant
+from gauntlet_oscillation import at_bounds, reversals, straight
 from gauntlet_references import (
     ARRIVED,
     IMPOSSIBLE,
+    LINK_SHAPES,
+    SETTLED,
     SHAPES,
     STEPS,
     counted,
@@ -39,13 +41,13 @@ CONTROLLERS = (
     *DEFAULT_CONTROLLERS["recommended"], "lqr", "linear-mpc", "sliding-mode", "adrc", "mppi",
 )  # fmt: skip
 """The studies of the paper's path, parts ``noise`` and ``study``, have the default ones only."""
-PLANTS = ("ball", "rollers")
-DTS = (0.02, 0.05, 0.1)  # s
+UNADAPTED = "holonomic-nmpc:adapt=false"
+"""The recommended controller without adaptation, in the parts ``link`` and ``link-steps``."""
 FAULT_KINDS = ("slope", "payload")
 SEEDS = 20
-PARTS = ("step", "step-cases", "tracking", "faults", "impossible", "noise", "study")
 START = Pose(0.0, 0.0, 0.0)
 SETTLED_BAND = 0.02  # of the step
+AT_GOAL = 4.0  # s, after which a step has ended
 STUDY_DT = 0.1  # s
 
 
@@ -85,85 +87,15 @@ class Figures(NamedTuple):
     """Time of arrival at the end of the path over that of the exact retiming."""
     work_J: float = nan  # noqa: N815 - the unit
     """Work of the motors."""
+    reversals: float = nan
+    """Share of the samples on straights or at rest in which the command turns back."""
+    at_bounds: float = nan
+    """Number of identified parameters at a bound in the end."""
 
 
+OWN_REFERENCES = {*SHAPES, *STEPS, *LINK_SHAPES, IMPOSSIBLE}
+"""The others are tasks of the paper's study."""
 FAILED = Figures(*[inf] * len(Figures._fields))
-
-
-@dataclass(frozen=True)
-class Grid:
-    """Selection of cells."""
-
-    parts: tuple[str, ...] = PARTS
-    robots: tuple[str, ...] = tuple(ROBOTS)
-    dts: tuple[float, ...] = DTS
-    plants: tuple[str, ...] = PLANTS
-    cases: tuple[str, ...] = tuple(CASES)
-    references: tuple[str, ...] = (*SHAPES, *STEPS)
-    controllers: tuple[str, ...] = CONTROLLERS
-
-    def with_values(self, **values) -> Grid:
-        """Return the grid with those values that are not None."""
-        given = {f.name: values[f.name] for f in fields(self) if values.get(f.name) is not None}
-        return replace(self, **given)
-
-    def cells(self) -> list[Cell]:
-        """Return the cells, each controller next to those that it is compared with."""
-        every = []
-        for part in self.parts:
-            every += getattr(self, f"_{part.replace('-', '_')}")()
-        return list(dict.fromkeys(every))
-
-    def _product(self, part, plants, cases, references):
-        return [
-            Cell(part, robot, dt, plant, case, reference, 0, controller)
-            for plant in self.plants if plant in plants
-            for robot in self.robots
-            for dt in self.dts
-            for case in cases
-            for reference in references
-            for controller in self.controllers
-        ]  # fmt: skip
-
-    def _step(self):
-        steps = [name for name in self.references if name in STEPS]
-        return self._product("step", PLANTS, ("nominal",), steps)
-
-    def _step_cases(self):
-        steps = [name for name in self.references if name in STEPS]
-        cases = [name for name in self.cases if name != "nominal"]
-        return self._product("step-cases", ("ball",), cases, steps)
-
-    def _tracking(self):
-        shapes = [name for name in self.references if name in SHAPES]
-        cases = dict.fromkeys(["nominal", *self.cases])
-        return self._product("tracking", ("ball",), cases, shapes)
-
-    def _faults(self):
-        own = self._product("faults", PLANTS, FAULT_KINDS, ["eight"])
-        return own + self._of_study("faults", self.plants, range(1, len(FAULT_KINDS) + 1))
-
-    def _impossible(self):
-        return self._product("impossible", PLANTS, ("nominal",), [IMPOSSIBLE])
-
-    def _noise(self):
-        return self._of_study("noise", self.plants)
-
-    def _study(self):
-        return self._of_study("study", [p for p in self.plants if p == "rollers"])
-
-    def _of_study(self, part, plants, faults=()):
-        """Return the runs of the paper's study: its robot, sample time and path."""
-        if "paper" not in self.robots or STUDY_DT not in self.dts:
-            return []
-        cells = [
-            cell
-            for plant in plants
-            for preset in (("paper", "recommended") if part == "study" else ("recommended",))
-            for cell, settings in study_runs(part, plant, preset).items()
-            if not faults or settings.fault in faults
-        ]
-        return [cell for cell in cells if cell.controller in self.controllers]
 
 
 @cache
@@ -219,7 +151,7 @@ def run_cell(cell: Cell) -> Figures:
 
 def figures_of(cell: Cell) -> Figures:
     preset = cell.case if cell.part == "study" else "recommended"
-    if cell.part in ("noise", "study") or cell.reference not in SHAPES | STEPS | {IMPOSSIBLE: 0}:
+    if cell.part in ("noise", "study") or cell.reference not in OWN_REFERENCES:
         settings = study_runs(cell.part, cell.plant, preset)[cell]
         return study_figures(
             simulate_run(planned_study(cell.part, cell.plant, preset), settings), settings
@@ -230,14 +162,19 @@ def figures_of(cell: Cell) -> Figures:
 def simulated(cell: Cell) -> Run:
     robot, reference = ROBOTS[cell.robot], reference_of(cell.reference, cell.robot)
     context = ControllerContext(robot, cell.dt, np.random.default_rng(1))
-    plant = case_plant(cell.robot, cell.case if cell.case in CASES else "nominal", cell.plant)
+    plant = case_plant(cell.robot, cell.case if cell.case in ALL_CASES else "nominal", cell.plant)
+    controller = (
+        configure("controllers", RECOMMENDED, {"adapt": False})
+        if cell.controller == UNADAPTED
+        else configure("controllers", cell.controller)
+    )
     fault = None
     if cell.part == "faults":
         fault = FAULTS[cell.case](at=0.25 * reference.duration)
         plant = case_plant(cell.robot, "nominal", cell.plant)
     return simulate(
         plant,
-        configure("controllers", cell.controller).make(context),
+        controller.make(context),
         reference,
         start=START if cell.reference in STEPS else reference.at(0.0).pose,
         dt=cell.dt,
@@ -269,6 +206,22 @@ def fault_figures(cell: Cell, run: Run) -> Figures:
 
 def step_figures(cell: Cell, run: Run) -> Figures:
     return responses(run, START, STEPS[cell.reference])
+
+
+def link_figures(cell: Cell, run: Run) -> Figures:
+    figures = tracking_figures(cell, run)
+    if figures is FAILED:
+        return FAILED
+    which = straight(reference_of(cell.reference, cell.robot), run.t) & (run.t >= SETTLED)
+    return figures._replace(reversals=reversals(run, which), at_bounds=at_bounds(run))
+
+
+def link_step_figures(cell: Cell, run: Run) -> Figures:
+    figures = step_figures(cell, run)
+    if figures is FAILED:
+        return FAILED
+    shares = reversals(run, run.t >= AT_GOAL)
+    return figures._replace(reversals=shares, at_bounds=at_bounds(run))
 
 
 def responses(run: Run, start: Pose, goal: Pose) -> Figures:
@@ -330,14 +283,20 @@ FIGURES = {
     "step": step_figures,
     "step-cases": step_figures,
     "tracking": tracking_figures,
+    "link": link_figures,
+    "link-steps": link_step_figures,
     "faults": fault_figures,
     "impossible": impossible_figures,
 }
 
 
+SPEEDS = {"planar": 400.0, "ball": 150.0, "rollers": 30.0}
+"""Simulated time over computing time of the plants, about."""
+
+
 def duration_of(cell: Cell) -> float:
     """Return the simulated time of a cell, s."""
-    if cell.reference in SHAPES or cell.reference in STEPS or cell.reference == IMPOSSIBLE:
+    if cell.reference in OWN_REFERENCES:
         return reference_of(cell.reference, cell.robot).duration
     return float(cell.reference.split()[1])
 
@@ -345,4 +304,4 @@ def duration_of(cell: Cell) -> float:
 def cost_of(cell: Cell) -> float:
     """Return the approximate computing time of a cell, s."""
     duration = duration_of(cell)
-    return duration / (150.0 if cell.plant == "ball" else 30.0) + 0.0003 * duration / cell.dt
+    return duration / SPEEDS[cell.plant] + 0.0003 * duration / cell.dt

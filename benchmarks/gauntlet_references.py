@@ -47,6 +47,69 @@ class SpinningEight(Eight):
         return PathDerivatives(poses, first, second)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Lissajous(Shape):
+    """Lissajous curve of 3:2 in x and y; the heading swings once."""
+
+    def evaluate(self, s) -> PathDerivatives:
+        def sines(amplitude, laps, phase=0.0):
+            rate = 2.0 * pi * laps
+            sine, cosine = np.sin(rate * s + phase), np.cos(rate * s + phase)
+            return amplitude * np.stack([sine - np.sin(phase), rate * cosine, -(rate**2) * sine])
+
+        return PathDerivatives(*np.stack([sines(1.5, 3), sines(1.0, 2, 0.5), sines(0.5, 1)], 2))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spiral(Shape):
+    """Archimedean spiral outwards; the heading turns uniformly, independent of the direction."""
+
+    radius: float = 2.0  # m, at the end
+    laps: float = 2.0
+    turn: float = pi  # rad
+
+    def evaluate(self, s) -> PathDerivatives:
+        rate = 2j * pi * self.laps
+        rotation = self.radius * np.exp(rate * s)
+        parts = np.zeros((3, len(s), 3))
+        points = s * rotation, (1.0 + rate * s) * rotation, (2.0 + rate * s) * rate * rotation
+        for part, point in zip(parts, points, strict=True):
+            part[:, 0], part[:, 1] = point.real, point.imag
+        parts[0, :, 2], parts[1, :, 2] = self.turn * s, self.turn
+        return PathDerivatives(*parts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaneChange(Shape):
+    """Straight motion along x with a shift along y between 0.3 and 0.7 of the length."""
+
+    length: float = 6.0  # m
+    shift: float = 1.5  # m
+
+    def evaluate(self, s) -> PathDerivatives:
+        u, rate = np.clip((s - 0.3) / 0.4, 0.0, 1.0), 1.0 / 0.4
+        parts = np.zeros((3, len(s), 3))
+        parts[0, :, 0], parts[1, :, 0] = self.length * s, self.length
+        parts[0, :, 1] = self.shift * u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+        parts[1, :, 1] = self.shift * rate * 30.0 * u * u * (1.0 - u) ** 2
+        parts[2, :, 1] = self.shift * rate**2 * 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u)
+        return PathDerivatives(*parts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StopAndGo(Shape):
+    """Straight motion along x with turning heading and three stops on the way."""
+
+    length: float = 4.0  # m
+    turn: float = 0.8  # rad
+
+    def evaluate(self, s) -> PathDerivatives:
+        rate = 2.0 * pi * 4.0
+        share = s - np.sin(rate * s) / rate, 1.0 - np.cos(rate * s), rate * np.sin(rate * s)
+        size = np.array([self.length, 0.0, self.turn])
+        return PathDerivatives(*np.stack(share)[:, :, None] * size)
+
+
 SHAPES: dict[str, Shape] = {
     "eight": Eight(),
     "eight-spin": SpinningEight(),
@@ -55,6 +118,18 @@ SHAPES: dict[str, Shape] = {
     "circle": Circle(laps=2),
     "random": RandomSmooth(seed=18),
 }
+LINK_SHAPES: dict[str, tuple[Shape, float]] = {
+    "lissajous": (Lissajous(), 12.0),
+    "spiral-fast": (Spiral(), 10.0),
+    "spiral-slow": (Spiral(radius=0.5, laps=1.0, turn=0.5), 20.0),
+    "lane-change": (LaneChange(), 8.0),
+    "stop-and-go": (StopAndGo(), 14.0),
+    "eight-spin-fast": (SpinningEight(), 12.0),
+    "random-fast": (RandomSmooth(seed=7), 12.0),
+    "square-fast": (Square(ramp=0.1), 14.0),
+}
+"""Shapes and their least durations in s: at :data:`SHARE` of the limits of the nominal robot only,
+so that floors with little friction limit the motion."""
 STEPS: dict[str, Pose] = {
     "step-x": Pose(1.0, 0.0, 0.0),
     "step-y": Pose(0.0, 1.0, 0.0),
@@ -76,15 +151,19 @@ def limits_of(robot: Robot, share: float):
 
 @cache
 def reference_of(name: str, robot: str):
-    """Return a reference; shapes use :data:`SHARE` of the limits in every case, or less."""
+    """Return a reference; shapes use :data:`SHARE` of the limits in every case, or less.
+
+    Those of :data:`LINK_SHAPES` do so on the nominal robot.
+    """
     if name in STEPS:
         return Hold(STEPS[name], STEP_DURATION)
     if name == IMPOSSIBLE:
         return ShapeReference(SHAPES["eight"], IMPOSSIBLE_DURATION)
-    motion = ShapeReference(SHAPES[name], MIN_DURATION)
-    robots = {case.robot(ROBOTS[robot]) for case in CASES.values()}
+    shape, least = LINK_SHAPES[name] if name in LINK_SHAPES else (SHAPES[name], MIN_DURATION)
+    motion, cases = ShapeReference(shape, least), CASES if name in SHAPES else {"nominal"}
+    robots = {CASES[case].robot(ROBOTS[robot]) for case in cases}
     needed = max(shortest_duration_within(motion, limits_of(each, SHARE)) for each in robots)
-    return ShapeReference(SHAPES[name], max(needed, MIN_DURATION))
+    return ShapeReference(shape, max(needed, least))
 
 
 def counted(name: str, t: np.ndarray) -> np.ndarray:

@@ -8,13 +8,17 @@ from math import inf, isfinite, isnan, nan
 from statistics import fmean
 from typing import NamedTuple
 
-from gauntlet_cells import FAULT_KINDS, RECOMMENDED, Cell, Figures
+from gauntlet_cells import FAULT_KINDS, RECOMMENDED, UNADAPTED, Cell, Figures
 from gauntlet_table import FLOORS, Table
 
 STEP_OVERSHOOT, CASE_OVERSHOOT = 1.0, 5.0  # %
 OVER_NOMINAL, OVER_OTHERS = 2.0, 0.8
 PATH_DISTANCE, PATH_HEADING, ARRIVAL = 15.0, 30.0, 0.05  # mm, mrad, share of the exact arrival
 NOISE, STUDY = 1.02, 1.02
+LINK_OTHERS, LINK_NOMINAL, LINK_SETTLING = (1.05, 0.05), (3.0, 1.0), 1.1
+"""Of the parts ``link`` and ``link-steps``: the first two are a factor, and what is allowed in any
+case: mm or mrad, more than the other for the first and altogether for the second."""
+REVERSALS = 0.1
 TINY = 1e-9
 NEGLIGIBLE = 0.1
 """mm or mrad; of cells that compare errors, those that fail by more are counted as well."""
@@ -86,7 +90,8 @@ class Group:
 
     @property
     def others(self) -> dict[str, Figures]:
-        return {name: each for name, each in self.figures.items() if name != RECOMMENDED}
+        own = RECOMMENDED, UNADAPTED
+        return {name: each for name, each in self.figures.items() if name not in own}
 
 
 def groups_of(table: Table) -> list[Group]:
@@ -148,19 +153,53 @@ def over_nominal(figure: str):
     return values
 
 
-def settling(groups: list[Group], study: Table) -> Iterator[Comparison]:
-    """Compare with the fastest other controller that overshoots by at most 1 %."""
-    for group in groups:
-        able = [
-            (each.settling_s, name)
-            for name, each in group.others.items()
-            if each.overshoot_percent <= STEP_OVERSHOOT and isfinite(each.settling_s)
-        ]
-        if group.own is not None and able:
-            value, (least, name) = group.own.settling_s, min(able)
-            yield Comparison(
-                quotient(value, least), group.cell, f"{value:.3g} s, {name} {least:.3g} s"
-            )
+def settling(overshoot: float):
+    """Compare with the fastest other controller that overshoots by at most ``overshoot`` %."""
+
+    def values(groups: list[Group], study: Table) -> Iterator[Comparison]:
+        for group in groups:
+            able = [
+                (each.settling_s, name)
+                for name, each in group.others.items()
+                if each.overshoot_percent <= overshoot and isfinite(each.settling_s)
+            ]
+            if group.own is not None and able:
+                value, (least, name) = group.own.settling_s, min(able)
+                text = f"{value:.3g} s, {name} {least:.3g} s"
+                yield Comparison(quotient(value, least), group.cell, text)
+
+    return values
+
+
+def link_others(figure: str, only: str | None = None):
+    """Compare with the limit that the best other, or ``only`` this one, sets."""
+
+    def values(groups: list[Group], study: Table) -> Iterator[Comparison]:
+        factor, difference = LINK_OTHERS
+        for group in groups:
+            least, name = best(group, figure)
+            if only is not None:
+                least, name = getattr(group.figures.get(only), figure, nan), only
+            if group.own is None or isnan(least) or name == "none":
+                continue
+            value, limit = getattr(group.own, figure), max(factor * least, least + difference)
+            text = f"{value:.4g}, {name} {least:.4g}"
+            yield Comparison(quotient(value, limit), group.cell, text, limit)
+
+    return values
+
+
+def link_nominal(figure: str):
+    """Compare with the limit that the same run without a difference sets."""
+
+    def values(groups: list[Group], study: Table) -> Iterator[Comparison]:
+        factor, allowed = LINK_NOMINAL
+        for each in over_nominal(figure)(groups, study):
+            value = each.value * each.scale
+            limit = max(factor * each.scale, allowed)
+            yield each._replace(value=quotient(value, limit), scale=limit)
+
+    return values
 
 
 def case_overshoot(groups: list[Group], study: Table) -> Iterator[Comparison]:
@@ -234,15 +273,30 @@ def over_earlier(only: tuple[str, ...] = COMPARED, task: str = ""):
     return values
 
 
+ERRORS = {"ME": "me_mm", "MAE": "mae_mrad"}
 ROWS = (
     Row("step: overshoot", "step", "%", STEP_OVERSHOOT, absolute("overshoot_percent")),
-    Row("step: settling over that of the fastest other", "step", "1", 1.0, settling),
+    Row("step: settling over that of the fastest other", "step", "1", 1.0,
+        settling(STEP_OVERSHOOT)),
     Row("step in other cases: overshoot over its limit", "step-cases", "1", 1.0, case_overshoot),
     Row("tracking: ME over nominal", "tracking", "1", OVER_NOMINAL, over_nominal("me_mm")),
     Row("tracking: MAE over nominal", "tracking", "1", OVER_NOMINAL, over_nominal("mae_mrad")),
     Row("tracking: ME over the best other", "tracking", "1", OVER_OTHERS, over_others("me_mm")),
     Row("tracking: MAE over the best other", "tracking", "1", OVER_OTHERS,
         over_others("mae_mrad")),
+    *(Row(f"link: {name} over its limit by the best other", "link", "1", 1.0, link_others(figure))
+      for name, figure in ERRORS.items()),
+    *(Row(f"link: {name} over its limit by the nominal run", "link", "1", 1.0, link_nominal(figure))
+      for name, figure in ERRORS.items()),
+    *(Row(f"link: {name} over its limit by adapt: false", "link", "1", 1.0,
+          link_others(figure, UNADAPTED)) for name, figure in ERRORS.items()),
+    Row("link-steps: overshoot", "link-steps", "%", CASE_OVERSHOOT, absolute("overshoot_percent")),
+    Row("link-steps: settling over that of the fastest other", "link-steps", "1", LINK_SETTLING,
+        settling(CASE_OVERSHOOT)),
+    *(Row(f"{part}: {name}", part, "1", limit, absolute(figure))
+      for part in ("link", "link-steps")
+      for name, limit, figure in (("share of reversals of the command", REVERSALS, "reversals"),
+                                  ("estimates at a bound in the end", 0.0, "at_bounds"))),
     *(Row(f"fault {kind}: worst error over the best other", "faults", "1", 1.0,
           over_others("max_mm", (kind,))) for kind in FAULT_KINDS),
     Row("eight in 8 s: ME to the path", "impossible", "mm", PATH_DISTANCE, absolute("me_mm")),

@@ -16,6 +16,7 @@ MOVED = 0.05  # relative change of a figure that is reported
 FLOORS = {
     "me_mm": 0.02, "mae_mrad": 0.02, "max_mm": 0.05, "overshoot_percent": 0.05,
     "settling_s": 0.002, "arrival": 0.001, "work_J": 0.5,
+    "reversals": 0.05, "at_bounds": 0.5,
 }  # fmt: skip
 """Changes up to these are not reported."""
 
@@ -26,7 +27,7 @@ def version() -> str:
     """Return a hash of the sources of the package and of the gauntlet."""
     package, here = Path(omnidrive.__file__).parent, Path(__file__).parent
     files = [*package.rglob("*.py"), *package.rglob("*.yaml"), *here.glob("gauntlet_c*.py")]
-    files += here.glob("gauntlet_references.py")
+    files += [here / f"gauntlet_{name}.py" for name in ("oscillation", "references")]
     digest = hashlib.sha256()
     for path in sorted(files):
         digest.update(path.read_bytes())
@@ -87,11 +88,14 @@ def read_versions(path: Path) -> set[str]:
 
 
 def read_table(path: Path) -> dict[Cell, Figures]:
-    """Return the cells of a file; of a cell that is there twice, the last."""
+    """Return the cells of a file; of a cell that is there twice, the last.
+
+    Figures that an earlier version of the gauntlet did not have are NaN.
+    """
     kinds = {"dt": float, "seed": int}
     return {
         Cell(*(kinds.get(name, str)(row[name]) for name in Cell._fields)): Figures(
-            *(float(row[name]) for name in Figures._fields)
+            *(float(row.get(name, "nan")) for name in Figures._fields)
         )
         for row in _rows(path)
     }

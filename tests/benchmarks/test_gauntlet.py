@@ -1,6 +1,8 @@
 """The harness of benchmarks/gauntlet.py: cases, figures, rows, and the table that is resumed."""
 
 import sys
+from collections import Counter
+from itertools import combinations
 from math import inf, nan, pi
 from pathlib import Path
 from types import SimpleNamespace
@@ -8,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from omnidrive.estimation.drive_estimate import DRIVE_UNITS
 from omnidrive.geometry import BodyTwist, Pose
 from omnidrive.robot import ROBOTS
 
@@ -17,9 +20,12 @@ import gauntlet
 import gauntlet_cells
 import gauntlet_rows
 import gauntlet_table
-from gauntlet_cases import CASES, CasePlant
-from gauntlet_cells import RECOMMENDED, Cell, Figures, Grid
+from gauntlet_cases import CASES, LINK_CASES, PAIRS, Case, CasePlant
+from gauntlet_cells import RECOMMENDED, UNADAPTED, Cell, Figures, cost_of
+from gauntlet_grid import LINK_PLANTS, PARTS, Grid
+from gauntlet_oscillation import at_bounds, reversals, straight
 from gauntlet_references import (
+    LINK_SHAPES,
     SHAPES,
     counted,
     exact_arrival,
@@ -52,7 +58,7 @@ class Recorder:
 
 
 def driven(case):
-    plant = CasePlant(ROBOTS["small"], CASES[case], "ball")
+    plant = CasePlant(ROBOTS["small"], (CASES | LINK_CASES)[case], "ball")
     plant.plant = recorder = Recorder()
     plant.reset(Pose(0.0, 0.0, 0.0))
     for k in range(3):
@@ -67,6 +73,60 @@ def test_commands_are_scaled_by_the_gains():
 
 def test_commands_are_one_sample_late():
     assert [command.vx for command in driven("late").commands] == [0.0, 1.0, 2.0]
+
+
+def test_a_command_half_a_sample_late_acts_for_half_a_sample():
+    """In steady motion, the displacement in a sample is that of half the former command."""
+    moved = {}
+    for case in ("nominal", "late-0.5"):
+        plant = CasePlant(ROBOTS["small"], (CASES | LINK_CASES)[case], "planar")
+        states = [plant.reset(Pose(0.0, 0.0, 0.0))]
+        states += [plant.step(BodyTwist(0.2, 0.0, 0.0), 0.1) for _ in range(20)]
+        x = [state.pose.x for state in states]
+        assert x[20] - x[19] == pytest.approx(0.02, rel=0.02)
+        moved[case] = x[20]
+    assert moved["nominal"] - moved["late-0.5"] == pytest.approx(0.5 * 0.02, rel=0.02)
+
+
+def test_a_pair_has_the_differences_of_both_cases():
+    robot = ROBOTS["small"]
+    pair = LINK_CASES["late-0.5"].both(LINK_CASES["late-2"]).both(LINK_CASES["gains-uneven"])
+    assert pair.late == 2.5
+    assert pair.gains == LINK_CASES["gains-uneven"].gains
+    pair = LINK_CASES["mass-1.6"].both(LINK_CASES["lag-60ms"]).both(LINK_CASES["slip"])
+    assert pair.robot(robot).mass == pytest.approx(1.6 * robot.mass)
+    assert pair.robot(robot).motor_lag == pytest.approx(robot.motor_lag + 0.06)
+    assert (pair.slip, pair.wheel, pair.wind) == (0.1, 1.0, 0.0)
+    assert LINK_CASES["wheel-0.96"].both(Case(wheel=0.5)).wheel == pytest.approx(0.48)
+    assert len(PAIRS) == 30
+    kinds = [[name.split("-")[0] for name in pair.split("+")] for pair in PAIRS]
+    assert all(a != b for a, b in kinds)
+
+
+def test_wind_blows_in_every_other_two_seconds():
+    plant = CasePlant(ROBOTS["small"], LINK_CASES["wind"], "planar")
+    plant.plant = recorder = Recorder()
+    plant.reset(Pose(0.0, 0.0, 0.0))
+    slopes = []
+    for _ in range(60):
+        plant.step(BodyTwist(0.0, 0.0, 0.0), 0.1)
+        slopes.append(recorder.slope[0])
+    assert slopes == [0.0] * 20 + [0.05] * 20 + [0.0] * 20
+
+
+@pytest.mark.parametrize(("case", "changed"), [("wheel-0.96", 0.96), ("slip", 1.1)])
+def test_the_first_wheel_turns_at_another_speed(case, changed):
+    robot = ROBOTS["small"]
+    own = robot.drive.wheel_speeds(BodyTwist(0.95, 2.0, 3.0)).tolist()
+    plant = CasePlant(robot, LINK_CASES[case], "planar")
+    plant.plant = recorder = Recorder()
+    plant.reset(Pose(0.0, 0.0, 0.0))
+    for _ in range(6):
+        plant.step(BodyTwist(0.95, 2.0, 3.0), 0.1)
+    assert recorder.commands[0] == pytest.approx([changed * own[0], *own[1:]])
+    # the encoder slips for half a second
+    assert len(recorder.commands[5]) == (3 if case == "slip" else len(own))
+    assert isinstance(recorder.commands[5], BodyTwist) == (case == "slip")
 
 
 def test_the_slope_of_a_case_acts_from_the_start():
@@ -170,6 +230,52 @@ def test_a_cell_that_raises_fails_alone(monkeypatch, capsys):
     assert "lag step-x 0 pid: ZeroDivisionError" in capsys.readouterr().err
 
 
+def test_derivatives_of_the_shapes_are_those_of_their_points():
+    s, h = np.linspace(0.01, 0.99, 50), 1e-5
+    for name, (shape, _) in LINK_SHAPES.items():
+        before, at, after = (shape.evaluate(s + d) for d in (-h, 0.0, h))
+        for k in (0, 1):
+            slope = (after[k] - before[k]) / (2.0 * h)
+            np.testing.assert_allclose(at[k + 1], slope, atol=2e-3, err_msg=f"{name} {k}")
+
+
+def test_the_lane_change_is_straight_at_both_ends():
+    reference = reference_of("lane-change", "small")
+    t = np.arange(0.0, reference.duration, 0.05)
+    which = straight(reference, t)
+    share = reference.window(0.0, len(t), 0.05)[:, 0] / 6.0
+    assert which[(share < 0.29) | (share > 0.71)].all()
+    turning = (share > 0.35) & (share < 0.45)
+    assert turning.any()
+    assert not which[turning].any()
+
+
+def test_reversals_are_large_changes_of_the_command_back_and_forth():
+    k = np.arange(100)
+    which = np.ones(100, bool)
+    for amplitude, share in ((0.02, 1.0), (0.004, 0.0)):
+        command = np.outer(amplitude * (-1.0) ** k, [0.0, 1.0, 0.0])
+        assert reversals(SimpleNamespace(command=command), which) == share
+    steady = SimpleNamespace(command=np.outer(0.05 * k, np.ones(3)))
+    assert reversals(steady, which) == 0.0
+    assert reversals(SimpleNamespace(command=command), k < 5) == 0.0
+
+
+def test_estimates_at_a_bound_are_counted_in_the_last_complete_row():
+    names = DRIVE_UNITS
+    details = {name: np.array([0.0, 0.1, nan]) for name in names}
+    gains = [details[f"drive_gain_{axis}"] for axis in ("x", "y", "yaw")]
+    for each in gains:
+        each[1] = 1.0
+    run = SimpleNamespace(t=np.arange(3) * 0.05, details=details)
+    assert at_bounds(run) == 0
+    details["drive_lag"][1], gains[2][1] = 0.3, 0.7
+    assert at_bounds(run) == 2
+    details["drive_delay"][1] = 0.2
+    assert at_bounds(run) == 3
+    assert at_bounds(SimpleNamespace(t=run.t, details={})) == 0
+
+
 def rows_of(figures, part="tracking", study=None):
     """Return the rows of cells {(case, controller): figures} by their names."""
     table = {
@@ -209,6 +315,27 @@ def test_cells_that_fail_by_less_than_a_tenth_of_a_millimetre_are_counted():
     assert (len(row["failing"]), row["clearly"]) == (2, 1)
 
 
+def test_rows_of_the_link_allow_a_small_difference():
+    rows = rows_of({
+        ("nominal", RECOMMENDED, 0): Figures(0.1, 0.1, reversals=0.0, at_bounds=0.0),
+        ("wind", RECOMMENDED, 0): Figures(0.15, 1.06, reversals=0.2, at_bounds=0.0),
+        ("wind", UNADAPTED, 0): Figures(0.1, 1.0),
+        ("wind", "pid", 0): Figures(0.11, 1.0),
+        ("slip", RECOMMENDED, 0): Figures(2.08, 0.9, reversals=0.0, at_bounds=1.0),
+        ("slip", UNADAPTED, 0): Figures(3.0, 0.9),
+        ("slip", "pid", 0): Figures(2.0, 0.8),
+    }, "link")  # fmt: skip
+    value = {name: (row["value"], len(row["failing"])) for name, row in rows.items()}
+    assert value["link: ME over its limit by the best other"] == (0.9905, 0)  # 2.08 of 2.1
+    assert value["link: MAE over its limit by the best other"] == (1.059, 2)  # 0.9 of 0.85
+    assert value["link: ME over its limit by the nominal run"] == (2.08, 1)  # of 1 mm
+    assert value["link: MAE over its limit by the nominal run"] == (1.06, 1)
+    assert value["link: ME over its limit by adapt: false"] == (1.0, 0)  # 0.15 of 0.15
+    assert value["link: MAE over its limit by adapt: false"] == (1.01, 1)  # 1.06 of 1.05
+    assert value["link: share of reversals of the command"] == (0.2, 1)
+    assert value["link: estimates at a bound in the end"] == (1.0, 1)
+
+
 def step(overshoot, settling=1.0):
     return Figures(overshoot_percent=overshoot, settling_s=settling)
 
@@ -231,6 +358,18 @@ def test_rows_of_steps():
         row = rows_of(cells, "step-cases")[name]
         assert row["value"] == pytest.approx(8.0 / limit)
         assert row["holds"] == (limit == 10.0)
+
+
+def test_rows_of_steps_of_the_link():
+    rows = rows_of({
+        ("wind", RECOMMENDED, 0): step(5.0, 1.12),
+        ("wind", UNADAPTED, 0): step(1.0, 0.1),
+        ("wind", "pid", 0): step(4.0, 1.0),
+        ("wind", "fast", 0): step(6.0, 0.5),
+    }, "link-steps")  # fmt: skip
+    assert rows["link-steps: overshoot"]["holds"]
+    settling = rows["link-steps: settling over that of the fastest other"]
+    assert (settling["value"], settling["holds"]) == (1.12, False)
 
 
 def test_a_failed_run_of_the_recommended_controller_never_holds():
@@ -319,10 +458,45 @@ def test_main_resumes_and_compares(tmp_path, capsys, monkeypatch):
 
 def test_every_row_has_cells_in_the_whole_grid_and_plants_where_it_must():
     cells = Grid().cells()
-    assert {cell.part for cell in cells} == set(gauntlet_cells.PARTS)
+    assert {cell.part for cell in cells} == set(PARTS)
     for part in ("step", "faults", "impossible"):
         assert {cell.plant for cell in cells if cell.part == part} == {"ball", "rollers"}
     tracked = {cell.case for cell in cells if cell.part == "tracking"}
     assert tracked == set(CASES)
+    for part in ("link", "link-steps"):
+        own = [cell for cell in cells if cell.part == part]
+        assert {cell.plant for cell in own} == set(LINK_PLANTS)
+        assert {cell.case for cell in own} - {"nominal"} == {*LINK_CASES, *PAIRS}
     assert {cell.seed for cell in cells if cell.part == "noise"} == set(range(20))
     assert len(cells) == len(set(cells))
+
+
+def test_the_sample_of_the_link_is_balanced():
+    """Every case meets all robots, sample times and plants in proportion, and so do references."""
+    cells = Grid(parts=("link",), controllers=("pid",)).cells()
+    drawn = [(c.case, c.robot, c.dt, c.plant, c.reference) for c in cells]
+    count = 12 * (len(LINK_CASES) + len(PAIRS))
+    assert len(drawn) == len(set(drawn)) == count
+    for i, sizes in ((1, {3}), (2, {4}), (3, {2, 5}), (4, {1, 2})):
+        assert set(Counter((each[0], each[i]) for each in drawn).values()) == sizes
+    for i, j in combinations(range(1, 5), 2):
+        pairs = Counter((each[i], each[j]) for each in drawn)
+        own, other = (Counter(each[k] for each in drawn) for k in (i, j))
+        for (a, b), found in pairs.items():
+            assert abs(found - own[a] * other[b] / count) <= 4.0
+        assert len(pairs) == len(own) * len(other)
+
+
+def test_the_sample_is_the_same_in_every_selection():
+    every = Grid(parts=("link", "link-steps")).cells()
+    some = Grid(parts=("link", "link-steps"), robots=("kiwi",), dts=(0.1,), cases=("wind", "slip"))
+    cells = some.cells()
+    assert set(cells) <= set(every)
+    assert len({cell._replace(controller="") for cell in cells}) == 2 * 2 + 2
+    nominal = {c._replace(case="") for c in cells if c.case == "nominal"}
+    assert {c._replace(case="") for c in cells if c.part == "link"} >= nominal
+
+
+def test_the_gauntlet_takes_forty_minutes_on_two_cores_and_the_quick_part_two():
+    for grid, minutes in ((Grid(), 40.0), (gauntlet.QUICK, 2.0)):
+        assert sum(map(cost_of, grid.cells())) <= 2.0 * 60.0 * minutes
