@@ -1,8 +1,9 @@
-"""Gauntlet: the recommended controller against all others where the model is wrong.
+"""Gauntlet: the recommended controller against the others where the model is wrong.
 
 The controllers know the nominal robot; the plant is that of the case (gauntlet_cases.py). All
-robots can meet the references in every case (gauntlet_references.py), except one. Every requirement
-is a row with its worst cell (gauntlet_rows.py). Finished cells are appended to
+robots can meet the references in every case (gauntlet_references.py), except one and those of the
+part link, which the nominal robots can meet. Cells are a balanced sample (gauntlet_grid.py). Every
+requirement is a row with its worst cell (gauntlet_rows.py). Finished cells are appended to
 benchmarks/out/gauntlet.csv at once; a run with the same code resumes there.
 
     python benchmarks/gauntlet.py --quick                      # one robot and sample time
@@ -21,8 +22,8 @@ from pathlib import Path
 from time import monotonic
 
 from figures import console
-from gauntlet_cases import ALL_CASES
-from gauntlet_cells import RECOMMENDED, UNADAPTED, Cell, Figures, cost_of, run_cell
+from gauntlet_cases import ALL_CASES, CASES, LINK_CASES
+from gauntlet_cells import CONTROLLERS, RECOMMENDED, UNADAPTED, Cell, Figures, cost_of, run_cell
 from gauntlet_grid import DTS, PARTS, Grid
 from gauntlet_rows import NEGLIGIBLE, entries
 from gauntlet_table import TableFile, changes, read_table, version
@@ -39,7 +40,7 @@ STUDY = Path(__file__).parent / "gauntlet_study.csv"
 GRID = Grid()
 QUICK = Grid(
     parts=tuple(part for part in PARTS if part not in ("noise", "study")),
-    robots=("small",), dts=(0.05,), plants=("ball",), references=("eight", "step-all"),
+    robots=("small",), dts=(0.05,), plants=("planar", "ball"), cases=(*CASES, *LINK_CASES),
 )  # fmt: skip
 SAID_EVERY = 30.0  # s, where the output is no terminal
 MAX_CHANGES = 60
@@ -62,8 +63,10 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     several("--plants", GRID.plants)
     several("--cases", tuple(ALL_CASES))
     several("--references", GRID.references)
-    several("--controllers", GRID.controllers)
-    parser.add_argument("--quick", action="store_true", help="one robot, about a minute")
+    several("--controllers", (*CONTROLLERS, UNADAPTED))
+    parser.add_argument(
+        "--quick", action="store_true", help="one robot and sample time, less than two minutes"
+    )
     parser.add_argument("--processes", type=int, default=available_cores())
     parser.add_argument("--out", type=Path, default=OUT / "gauntlet.csv", help="table of all cells")
     parser.add_argument("--against", type=Path, help="earlier table: list what moved by over 5 %%")
@@ -155,7 +158,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         console.print(f"the code has changed: the former table is now {file.previous}")
     run(cells, file, options.processes)
     selected = {cell: file.cells[cell] for cell in cells if cell in file.cells}
-    compared = {cell._replace(controller=name) for cell in selected for name in GRID.controllers}
+    compared = {
+        cell._replace(controller=name) for cell in selected for name in (*CONTROLLERS, UNADAPTED)
+    }
     selected = {c: f for c, f in others.items() if c in compared} | selected
     report(entries(selected, read_table(STUDY)), options.worst)
     if options.against:

@@ -290,8 +290,8 @@ FIGURES = {
 }
 
 
-SPEEDS = {"planar": 400.0, "ball": 150.0, "rollers": 30.0}
-"""Simulated time over computing time of the plants, about."""
+COSTS = {"planar": (0.0017, 0.0005), "ball": (0.0113, 0.00075), "rollers": (0.065, 0.001)}
+"""Computing time per simulated time, and that per sample in s, about."""
 
 
 def duration_of(cell: Cell) -> float:
@@ -303,5 +303,5 @@ def duration_of(cell: Cell) -> float:
 
 def cost_of(cell: Cell) -> float:
     """Return the approximate computing time of a cell, s."""
-    duration = duration_of(cell)
-    return duration / SPEEDS[cell.plant] + 0.0003 * duration / cell.dt
+    duration, (per_time, per_sample) = duration_of(cell), COSTS[cell.plant]
+    return duration * (per_time + per_sample / cell.dt)

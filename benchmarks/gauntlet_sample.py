@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Hashable, Mapping, Sequence
-from itertools import product
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 OF_CASE = 10
 """Weight of the balance of every case, relative to that of robots, sample times and plants."""
+
+
+Value = TypeVar("Value", bound=Hashable)
 
 
 class Drawn(NamedTuple):
@@ -24,7 +26,7 @@ class Drawn(NamedTuple):
 
 
 def sample(
-    cases: Sequence[str],
+    cases: Mapping[str, int],
     *,
     robots: Sequence[str],
     dts: Sequence[float],
@@ -32,30 +34,32 @@ def sample(
     references: Sequence[str],
     seed: int,
 ) -> list[Drawn]:
-    """Return one group per case, robot and sample time, with a plant and a reference.
+    """Return random groups, with every robot, sample time, plant and reference about equally often.
 
-    These are random of those that the case, the robot, the sample time and, for the reference, the
-    plant have met least; ``plants`` with their shares.
+    Each of them is random of those that what was drawn before has met least: the case, the robot
+    with this case, and so on. ``cases`` with their numbers of groups, ``plants`` with their shares.
     """
-    rng, met = np.random.default_rng(seed), Counter[tuple[Hashable, str]]()
+    rng, met = np.random.default_rng(seed), Counter[tuple[Hashable, Hashable]]()
 
-    def draw(shares: Mapping[str, int], *common: Hashable) -> str:
-        case, *others = common
+    def draw(shares: Mapping[Value, int], *common: Hashable) -> Value:
+        """Draw a value; of what it is drawn for, tuples are those with the case."""
+        weights = {each: OF_CASE if isinstance(each, tuple) else 1 for each in common}
         shuffled = [list(shares)[i] for i in rng.permutation(len(shares)).tolist()]
 
-        def meetings(value: str) -> float:
-            of_others = sum(met[each, value] for each in others)
-            return (OF_CASE * met[case, value] + of_others) / shares[value]
+        def meetings(value: Value) -> float:
+            return sum(weights[each] * met[each, value] for each in common) / shares[value]
 
         chosen = min(shuffled, key=meetings)
         met.update((each, chosen) for each in common)
         return chosen
 
-    combinations, drawn = list(product(robots, dts)), []
-    for case in cases:
-        for i in rng.permutation(len(combinations)).tolist():
-            robot, dt = combinations[i]
-            plant = draw(plants, case, robot, dt)
-            reference = draw(dict.fromkeys(references, 1), case, robot, dt, plant)
+    drawn = []
+    for case, count in cases.items():
+        for _ in range(count):
+            robot = draw(dict.fromkeys(robots, 1), (case,))
+            dt = draw(dict.fromkeys(dts, 1), (case, robot), (case,), robot)
+            plant = draw(plants, (case,), robot, dt)
+            common = (case, robot, dt), (case,), robot, dt, plant
+            reference = draw(dict.fromkeys(references, 1), *common)
             drawn.append(Drawn(robot, dt, plant, case, reference))
-    return drawn
+    return list(dict.fromkeys(drawn))

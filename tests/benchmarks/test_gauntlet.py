@@ -2,7 +2,7 @@
 
 import sys
 from collections import Counter
-from itertools import combinations
+from itertools import combinations, product
 from math import inf, nan, pi
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,7 +22,7 @@ import gauntlet_rows
 import gauntlet_table
 from gauntlet_cases import CASES, LINK_CASES, PAIRS, Case, CasePlant
 from gauntlet_cells import RECOMMENDED, UNADAPTED, Cell, Figures, cost_of
-from gauntlet_grid import LINK_PLANTS, PARTS, Grid
+from gauntlet_grid import LINK_PLANTS, PARTS, RIVALS, Grid, groups_of_part
 from gauntlet_oscillation import at_bounds, reversals, straight
 from gauntlet_references import (
     LINK_SHAPES,
@@ -34,6 +34,7 @@ from gauntlet_references import (
     physical_limits,
     reference_of,
 )
+from gauntlet_sample import Drawn
 
 from omnidrive.reference import delay_within_limits, limit_rows, limit_usage
 from omnidrive.simulation import Outcome
@@ -444,15 +445,15 @@ def test_main_resumes_and_compares(tmp_path, capsys, monkeypatch):
     selected = ["--only", "step", "--robots", "small", "--dts", "0.1", "--plants", "ball",
                 "--references", "step-x", "--processes", "1", "--worst", "3"]  # fmt: skip
     gauntlet.main([*selected, "--out", str(out)])
-    assert [cell.controller for cell in calls] == list(gauntlet_cells.CONTROLLERS)
+    assert [cell.controller for cell in calls] == [RECOMMENDED, *RIVALS]
     out_text = capsys.readouterr().out
     assert "1 of 1" in out_text
     assert "step: overshoot: 3 small, 0.1 s, ball, nominal, step-x: 3" in out_text
     gauntlet.main([*selected, "--out", str(out), "--against", str(out)])
-    assert len(calls) == len(gauntlet_cells.CONTROLLERS)
+    assert len(calls) == 1 + len(RIVALS)
     assert "0 figures moved" in capsys.readouterr().out
     gauntlet.main([*selected, "--out", str(tmp_path / "own.csv"), "--others", str(out)])
-    assert [cell.controller for cell in calls[len(gauntlet_cells.CONTROLLERS) :]] == [RECOMMENDED]
+    assert [cell.controller for cell in calls[1 + len(RIVALS) :]] == [RECOMMENDED]
     assert '"name": "step: settling' in (tmp_path / "gauntlet.json").read_text()
 
 
@@ -471,20 +472,17 @@ def test_every_row_has_cells_in_the_whole_grid_and_plants_where_it_must():
     assert len(cells) == len(set(cells))
 
 
-def test_the_sample_of_the_link_is_balanced():
-    """Every case meets all robots, sample times and plants in proportion, and so do references."""
-    cells = Grid(parts=("link",), controllers=("pid",)).cells()
-    drawn = [(c.case, c.robot, c.dt, c.plant, c.reference) for c in cells]
-    count = 12 * (len(LINK_CASES) + len(PAIRS))
-    assert len(drawn) == len(set(drawn)) == count
-    for i, sizes in ((1, {3}), (2, {4}), (3, {2, 5}), (4, {1, 2})):
-        assert set(Counter((each[0], each[i]) for each in drawn).values()) == sizes
-    for i, j in combinations(range(1, 5), 2):
-        pairs = Counter((each[i], each[j]) for each in drawn)
-        own, other = (Counter(each[k] for each in drawn) for k in (i, j))
-        for (a, b), found in pairs.items():
-            assert abs(found - own[a] * other[b] / count) <= 4.0
-        assert len(pairs) == len(own) * len(other)
+@pytest.mark.parametrize("part", ["link", "link-steps", "tracking", "step-cases"])
+def test_the_sample_is_balanced(part):
+    """Cases, robots, sample times, plants and references meet each other in proportion."""
+    drawn = groups_of_part(part)
+    assert len(drawn) == len(set(drawn)) > 150
+    fields = [Counter(column) for column in zip(*drawn, strict=True)]
+    for i, j in combinations(range(5), 2):
+        pairs = Counter((group[i], group[j]) for group in drawn)
+        off = 1.5 if Drawn._fields.index("case") in (i, j) else 4.0
+        for a, b in product(fields[i], fields[j]):
+            assert abs(pairs[a, b] - fields[i][a] * fields[j][b] / len(drawn)) <= off
 
 
 def test_the_sample_is_the_same_in_every_selection():
@@ -492,9 +490,11 @@ def test_the_sample_is_the_same_in_every_selection():
     some = Grid(parts=("link", "link-steps"), robots=("kiwi",), dts=(0.1,), cases=("wind", "slip"))
     cells = some.cells()
     assert set(cells) <= set(every)
-    assert len({cell._replace(controller="") for cell in cells}) == 2 * 2 + 2
+    assert {cell.part for cell in cells} == {"link", "link-steps"}
+    assert groups_of_part("link") == groups_of_part.__wrapped__("link")
     nominal = {c._replace(case="") for c in cells if c.case == "nominal"}
-    assert {c._replace(case="") for c in cells if c.part == "link"} >= nominal
+    own = {c._replace(case="") for c in cells if c.part == "link" and c.controller == RECOMMENDED}
+    assert own <= nominal
 
 
 def test_the_gauntlet_takes_forty_minutes_on_two_cores_and_the_quick_part_two():
