@@ -251,7 +251,7 @@ def test_number_of_processed_fixes_is_bounded():
     estimator.update(SensorReadings(0.0, (0.0,) * 4))
     flood = (PoseFix(0.05, START, 5.0, 5.0),) * 1_000_000
     estimator.update(SensorReadings(0.1, (0.0,) * 4, fixes=flood))
-    assert len(estimator._buffer.fixes) == 20
+    assert len(list(estimator._buffer.latest_fixes)) == 20
     assert estimator.rejected == 1_000_000 - 20
     assert LatestFix().update(SensorReadings(0.1, fixes=flood)).pose == START
 

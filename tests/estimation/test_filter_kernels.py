@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from omnidrive.estimation import PoseEstimator
+from omnidrive.estimation.pose_filter.matrices import congruence, correct_covariance
 from omnidrive.estimation.pose_filter.motion_model import Odometry
 from omnidrive.estimation.pose_filter.se2 import (
     exponential,
@@ -57,6 +58,31 @@ def test_right_jacobian_is_the_derivative_of_the_exponential(a, b):
     expected = np.array([change[0, 2], change[1, 2], change[1, 0]])
     size = np.abs(a).max()
     assert right_jacobian(a) @ step == pytest.approx(expected, abs=1e-11 + 1e-6 * size**3)
+
+
+def random_covariance(size, rng):
+    root = rng.normal(size=(size, size))
+    return root @ root.T
+
+
+def test_congruence_with_a_sparse_matrix_is_the_dense_product():
+    rng = np.random.default_rng(0)
+    p, a = random_covariance(21, rng), rng.normal(size=(18, 21))
+    a[rng.random(a.shape) < 0.8] = 0.0
+    result = congruence(a, p)
+    np.testing.assert_allclose(result, a @ p @ a.T, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(result, result.T)
+
+
+def test_correction_of_a_covariance_has_josephs_form_for_any_gain():
+    rng = np.random.default_rng(1)
+    p, observation, gain = random_covariance(21, rng), np.zeros(21), rng.normal(size=21)
+    observation[[2, 5, 18, 19, 20]] = rng.normal(size=5)
+    factor = np.eye(21) - np.outer(gain, observation)
+    expected = factor @ p @ factor.T + 0.3 * np.outer(gain, gain)
+    correct_covariance(p, observation, gain, 0.3)
+    np.testing.assert_allclose(p, expected, rtol=1e-10, atol=1e-10)
+    np.testing.assert_array_equal(p, p.T)
 
 
 def test_predicted_slip_solves_the_differential_equation():

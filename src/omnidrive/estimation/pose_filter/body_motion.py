@@ -49,10 +49,10 @@ def _correct_once(  # noqa: PLR0917
     """Correct ``mean``, ``motion`` and their joint covariance in place with one measurement."""
     size, total = len(mean), variance
     gain = np.zeros(size + 3)
-    for i in range(size + 3):
-        for j in range(size + 3):
-            if observation[j] != 0.0:
-                gain[i] += joint[i, j] * observation[j]
+    for j in range(size + 3):
+        if observation[j] != 0.0:
+            for i in range(size + 3):
+                gain[i] += observation[j] * joint[j, i]
     for i in range(size + 3):
         total += observation[i] * gain[i]
     for i in range(size + 3):

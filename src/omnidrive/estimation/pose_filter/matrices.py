@@ -29,16 +29,14 @@ def product(
 
 @compiled
 def congruence(a: Float[Array, "rows n"], p: Float[Array, "n n"]) -> Float[Array, "rows rows"]:
-    """Return ``a p a^T`` for a symmetric p; the result is symmetric without rounding errors."""
-    half = product(a, p)
-    rows = a.shape[0]
-    result = np.zeros((rows, rows))
-    for i in range(rows):
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(a.shape[1]):
-                total += half[i, k] * a[j, k]
-            result[i, j] = result[j, i] = total
+    """Return ``a p a^T`` for a symmetric p; the result is symmetric without rounding errors.
+
+    Both products skip the zeros of ``a``, most of a transition between blocks of the state.
+    """
+    result = product(a, product(a, p).T)
+    for i in range(len(result)):
+        for j in range(i):
+            result[j, i] = result[i, j]
     return result
 
 
@@ -49,21 +47,29 @@ def correct_covariance(
     """Correct a covariance in place with one measurement of variance ``noise``.
 
     Joseph's form, ``(I - gain observation) p (I - gain observation)^T + noise gain gain^T``, keeps
-    it positive semidefinite (Bar-Shalom, Li & Kirubarajan, 2001, eq. 5.2.3-18).
+    it positive semidefinite (Bar-Shalom, Li & Kirubarajan, 2001, eq. 5.2.3-18). Both products are
+    changes of rank one.
     """
     n = len(p)
-    for _ in range(2):  # p <- ((I - gain observation) p)^T
-        row, before = np.zeros(n), p.copy()
-        for j in range(n):
-            if observation[j] != 0.0:
-                for i in range(n):
-                    row[i] += observation[j] * before[j, i]
-        for i in range(n):
-            for j in range(n):
-                p[j, i] = before[i, j] - gain[i] * row[j]
+    row, column = np.zeros(n), np.zeros(n)
+    for j in range(n):
+        if observation[j] != 0.0:
+            for i in range(n):
+                row[i] += observation[j] * p[j, i]
     for i in range(n):
+        for j in range(n):
+            p[i, j] -= gain[i] * row[j]
+    for j in range(n):
+        if observation[j] != 0.0:
+            for i in range(n):
+                column[i] += observation[j] * p[i, j]
+    for i in range(n):
+        change = noise * gain[i] - column[i]
         for j in range(i + 1):
-            p[i, j] = p[j, i] = 0.5 * (p[i, j] + p[j, i]) + noise * gain[i] * gain[j]
+            p[i, j] += change * gain[j]
+    for i in range(n):
+        for j in range(i):
+            p[j, i] = p[i, j]
 
 
 @compiled

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from itertools import islice
 from math import hypot, inf, isfinite, isnan, nan, pi
 
 import numpy as np
@@ -188,8 +189,8 @@ class PoseEstimator:
         self._reprocess(first)
         self.rejected += len(readings.fixes) - sum(item.accepted for item in received)
         self._detect_relocation(t)
-        accepted = [item.fix.stamp for _, item in self._buffer.fixes if item.accepted]
-        self._last_accepted = max([self._last_accepted, *accepted])
+        accepted = (item.fix.stamp for _, item in self._buffer.latest_fixes if item.accepted)
+        self._last_accepted = max(self._last_accepted, next(accepted, self._last_accepted))
         if self._is_contradicted(received):
             count = self.settings.restart_after
             notice = self._lose(t, f"{count} pose fixes in a row contradict the estimate")
@@ -292,7 +293,7 @@ class PoseEstimator:
 
     def _detect_relocation(self, t: float) -> None:
         """Accept the latest fixes if enough of them in a row were rejected but are consistent."""
-        latest = self._buffer.fixes[-self.settings.relocate_after :]
+        latest = list(islice(self._buffer.latest_fixes, self.settings.relocate_after))[::-1]
         if (
             len(latest) == self.settings.relocate_after
             and not any(item.accepted for _, item in latest)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled
+from omnidrive.compiled import compiled, inlined
 from omnidrive.estimation.gauss_markov import gauss_markov
 from omnidrive.estimation.pose_filter.body_motion import (
     MIN_VARIANCE,
@@ -70,9 +70,7 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
     slip, mean_twist, velocity = predict_slip(state.velocity, odometry, jacobian, model)
     _make_rigid(slip, odometry, jacobian, model)
     turn = rate * dt if isfinite(rate) else state.velocity[2] * dt
-    variances = np.zeros(len(slip))
-    for i in range(len(slip)):
-        variances[i] = _displacement_variance(odometry, model, i, slip)
+    variances = _displacement_variances(odometry.displacements, slip, model.creep, model.slip_error)
     residual_slip = _excess_slip(
         odometry, model, jacobian, rate, slip, variances, turn * weights, joint
     )
@@ -187,7 +185,7 @@ def _excess_slip(  # noqa: PLR0917
     return min(model.slip_doubt * sqrt(max(excess, 0.0)) / dt, _MAX_SLIP)
 
 
-@compiled
+@inlined
 def _residual_variance(  # noqa: PLR0917
     odometry: Odometry,
     model: MotionModel,
@@ -206,7 +204,7 @@ def _residual_variance(  # noqa: PLR0917
     return variance
 
 
-@compiled
+@inlined
 def _residual_sum(
     odometry: Odometry,
     jacobian: Float[Array, "wheels 3"],
@@ -225,10 +223,13 @@ def _residual_sum(
 
 
 @compiled
-def _displacement_variance(
-    odometry: Odometry, model: MotionModel, i: int, slip: Float[Array, " wheels"]
-) -> float:
-    """Return the variance (m^2) of a rim's displacement from creep and predicted slip.
+def _displacement_variances(
+    displacements: Float[Array, " wheels"],
+    slip: Float[Array, " wheels"],
+    creep: float,
+    slip_error: float,
+) -> Float[Array, " wheels"]:
+    """Return the variance (m^2) of every rim's displacement from creep and predicted slip.
 
     The error of the predicted slip is a share of the mean square of all rims, because an error of
     the predicted body motion changes the slip of every rim, also of those that hold. The rounding
@@ -236,9 +237,12 @@ def _displacement_variance(
     first and last reading, whose variance the pose has from the start. NaN if the displacement is
     not known.
     """
-    creep = model.creep**2 * abs(odometry.displacements[i])
-    slip_variance: float = model.slip_error**2 * (slip**2).mean()
-    return float(creep + slip_variance + MIN_VARIANCE)
+    variances, slip_variance = np.empty(len(slip)), MIN_VARIANCE
+    for i in range(len(slip)):
+        slip_variance += slip_error**2 * slip[i] ** 2 / len(slip)
+    for i in range(len(slip)):
+        variances[i] = creep**2 * abs(displacements[i]) + slip_variance
+    return variances
 
 
 @compiled

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right, insort
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from jaxtyping import Float
@@ -58,9 +59,11 @@ class ReadingBuffer:
     intervals: list[Interval] = field(default_factory=list)
 
     @property
-    def fixes(self) -> list[tuple[int, BufferedFix]]:
-        """All fixes in the order of their stamps, each with the index of its interval."""
-        return [(i, item) for i, each in enumerate(self.intervals) for item in each.fixes]
+    def latest_fixes(self) -> Iterator[tuple[int, BufferedFix]]:
+        """All fixes, the latest stamp first, each with the index of its interval."""
+        for i in range(len(self.intervals) - 1, -1, -1):
+            for item in reversed(self.intervals[i].fixes):
+                yield i, item
 
     def insert(self, item: BufferedFix) -> int | None:
         """Insert a fix into the interval that contains its stamp; return the interval's index.
