@@ -89,8 +89,8 @@ def test_rounding_does_not_accumulate_at_rest():
     assert state.position_sigma < 2.0 * robot.wheel.radius * 2.0 * pi / 4096
 
 
-def test_contact_oscillation_is_the_fundamental_of_the_offset():
-    """Fourier coefficients of a square wave and of a saw tooth."""
+def test_contact_oscillation_has_the_mean_square_of_the_offset():
+    """Of a square wave and of a saw tooth."""
     phase = np.linspace(0.0, 2.0 * pi, 100_000, endpoint=False)
     two_rows, tilted = named_robot("paper").wheel, named_robot("mecanum").wheel
     height = contact_drift(tilted, 0.5)
@@ -98,8 +98,8 @@ def test_contact_oscillation_is_the_fundamental_of_the_offset():
         (two_rows, 0.0, 0.5 * two_rows.row_gap * np.sign(np.sin(phase))),
         (tilted, 0.5, height * (phase / pi - 1.0)),
     ):
-        amplitude, period = contact_oscillation(wheel, angle)
-        assert amplitude == pytest.approx(2.0 * abs(np.mean(offset * np.exp(1j * phase))), 1e-3)
+        deviation, period = contact_oscillation(wheel, angle)
+        assert deviation == pytest.approx(np.sqrt(np.mean(offset**2)), 1e-3)
         assert period == pytest.approx(2.0 * pi / wheel.rollers_per_row)
     one_row = replace(two_rows, rows=1)
     assert contact_oscillation(one_row, 0.0)[0] == pytest.approx(0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
-from math import hypot, pi, tan
+from math import hypot, pi, sqrt, tan
 from typing import Any
 
 from omnidrive.robot.checks import check_no_faults, negative, not_positive
@@ -71,14 +71,14 @@ def contact_drift(wheel: OmniWheel, roller_angle: float) -> float:
 
 
 def contact_oscillation(wheel: OmniWheel, roller_angle: float) -> tuple[float, float]:
-    """Return amplitude and period of a contact's offset in the wheel angle, m, rad.
+    """Return root mean square and period of a contact's offset in the wheel angle, m, rad.
 
-    The offset is that of the contact with the floor along the axle; the amplitude is that of the
-    fundamental. Two rows that touch the floor by turns make a square wave of height
-    ``row_gap / 2``, tilted rollers a saw tooth of height :func:`contact_drift`.
+    The offset is that of the contact with the floor along the axle. Two rows that touch the floor
+    by turns make a square wave of height ``row_gap / 2``, tilted rollers a saw tooth of height
+    :func:`contact_drift`.
     """
-    rows = 2.0 / pi * wheel.row_gap * (wheel.rows - 1)
-    drift = 2.0 / pi * contact_drift(wheel, roller_angle)
+    rows = 0.5 * wheel.row_gap * (wheel.rows - 1)
+    drift = contact_drift(wheel, roller_angle) / sqrt(3.0)
     return hypot(rows, drift), 2.0 * pi / wheel.rollers_per_row
 
 
