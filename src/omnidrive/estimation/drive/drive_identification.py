@@ -32,20 +32,23 @@ larger, all variances are, in proportion: evidence is compared with what no hypo
 
 from __future__ import annotations
 
-from math import cos, inf, isfinite, log, sin, sqrt
+from math import cos, inf, isfinite, sin, sqrt
 from typing import Any, NamedTuple
 
 from omnidrive.compiled import compiled
 from omnidrive.estimation.drive.drive_prediction import predict
+from omnidrive.estimation.drive.hypothesis_choice import (
+    SLIP_CAUTION,
+    choose,
+    compare,
+    variance_scale,
+)
 from omnidrive.estimation.drive.identification_state import (
     GAINS,
-    HYPOTHESES,
-    KNOWN,
     PARAMETERS,
     IdentificationMemory,
     apply_parameters,
     forget,
-    forgetting_pace,
     initialize,
     limit_parameters,
     named,
@@ -65,25 +68,13 @@ _MIN_SPEED, _MIN_SHARE = 0.01, 0.02
 corrected."""
 _BOUND = 3.0
 """Standard deviations to which an innovation is limited before it changes the parameters."""
-_SCALE_MEMORY, _LARGEST_SQUARE, _CAUTION = 0.5, 25.0, 4.0
-"""Of the mean square of the innovations over their variance: time constant of the mean, s; largest
-term; and the factor of the variances over the mean, because innovations that no hypothesis explains
-are not independent of each other."""
-_SLIP_CAUTION = 30.0
-"""Factor of the variances with all wheels at the friction limit, in addition: a wrong friction
-lasts for the whole slip, so that its innovations are not independent of each other either."""
+_SCALE_MEMORY, _LARGEST_SQUARE = 0.5, 25.0
+"""Of the mean square of the innovations over their variance: time constant of the mean, s, and the
+largest term."""
 _LAG_TOLERANCE = 0.004
 """Standard deviation of the error of the lag of the model, s."""
 _GATE = 24.0
 """Standard deviations beyond which a measured pose is one of a robot that was moved."""
-_LARGEST_EVIDENCE = 12.0
-"""Largest square of an innovation over its variance in a likelihood."""
-_CHANGE, _CHANGE_IN_APPROACH, _CHANGE_UNCONFIRMED = 10.0, 4.0, 3.0
-"""Logarithm of the likelihood ratio above which another hypothesis is chosen; in an approach,
-which lasts for a few samples only, instead of the known parameters; and instead of a hypothesis
-that was never far better than all others."""
-_LIKELIHOOD_MEMORY = 5.0
-"""Time constant with which the likelihoods are forgotten, s."""
 _LARGEST = 1e6
 """Largest sum of the absolute states, covariances and sensitivities, SI units; a robot with larger
 ones does not exist."""
@@ -168,7 +159,7 @@ def _update(  # noqa: PLR0917
     rates, excess = inverse_lags(model), inf
     for h in state.hypotheses:
         excess = min(excess, h.mean_square)
-    scale = _variance_scale(excess)
+    scale = variance_scale(excess)
     for h in state.hypotheses:
         predict(model, rates, h, state.variants, commands, dt)
         if fresh:
@@ -178,72 +169,8 @@ def _update(  # noqa: PLR0917
             for a in range(3):
                 h.state_covariance[a, 1, 1] = (axis_unit(model, a) * _UNKNOWN_TWIST) ** 2
     if fresh:
-        _compare(state, dt, excess)
-        _choose(settings, state, not update_parameters)
-
-
-@compiled
-def _variance_scale(excess: float) -> float:
-    """Return the factor of the variances for the least mean square of the innovations."""
-    return max(1.0, _CAUTION * excess)
-
-
-@compiled
-def _compare(state: Any, dt: float, excess: float) -> None:
-    """Update the likelihoods of the delays by the latest innovations.
-
-    Old evidence is forgotten faster where another hypothesis explains the motion better. The
-    variance that wheel slip adds is that of the hypothesis with most slip: it is an upper bound, so
-    that its logarithm must not decide. The caution with slip concerns the parameters only: no floor
-    makes a robot respond later.
-
-    Args:
-        state: Hypotheses and the chosen one; changed in place.
-        dt: Time since the last sample, s.
-        excess: Least mean square of the innovations over their variance.
-    """
-    hypotheses = state.hypotheses
-    pace = forgetting_pace(hypotheses[state.chosen].mean_square / max(excess, 1.0))
-    scale = _variance_scale(excess)
-    for h in hypotheses:
-        h.log_likelihood *= max(1.0 - dt * pace / _LIKELIHOOD_MEMORY, 0.0)
-    for a in range(3):
-        largest = 0.0
-        for h in hypotheses:
-            slips = _SLIP_CAUTION * h.saturation
-            share = scale / (scale + slips)
-            largest = max(largest, share * h.innovation.variance[a])
-        for h in hypotheses:
-            total = largest + h.innovation.by_parameters[a]
-            square = min(h.innovation.value[a] ** 2 / total, _LARGEST_EVIDENCE)
-            h.log_likelihood -= 0.5 * (square + log(total / largest))
-
-
-@compiled
-def _choose(settings: DriveSettings, state: Any, approaches: bool) -> None:
-    """Choose the hypothesis that explains the motion far better than the present one, if any does.
-
-    Another hypothesis that was chosen by a small lead over the next one is left as easily.
-    """
-    chosen, hypotheses = state.chosen, state.hypotheses
-    margin = _CHANGE
-    if chosen == KNOWN and approaches:
-        margin = _CHANGE_IN_APPROACH
-    elif chosen != KNOWN and not state.is_confirmed:
-        margin = _CHANGE_UNCONFIRMED
-    best = hypotheses[chosen].log_likelihood + margin
-    for k in range(HYPOTHESES):
-        h = hypotheses[k]
-        if h.log_likelihood > best and h.delay <= settings.max_delay:
-            state.chosen, best = k, h.log_likelihood
-    if state.chosen != chosen:
-        state.is_confirmed = 0
-    others = -inf
-    for k in range(HYPOTHESES):
-        if k != state.chosen:
-            others = max(others, hypotheses[k].log_likelihood)
-    if hypotheses[state.chosen].log_likelihood > others + _CHANGE:
-        state.is_confirmed = 1
+        compare(state, dt, excess)
+        choose(settings, state, not update_parameters)
 
 
 @compiled
@@ -325,7 +252,7 @@ def _record(  # noqa: PLR0917
         recorded.value[a], recorded.by_parameters[a] = innovation[a], by_parameters
         by = named(sens)
         by_lag = by.lag + by.excess if a == 2 else by.lag
-        recorded.variance[a] = (scale + _SLIP_CAUTION * h.saturation) * known
+        recorded.variance[a] = (scale + SLIP_CAUTION * h.saturation) * known
         recorded.variance[a] += (_LAG_TOLERANCE * by_lag) ** 2
         largest = max(
             largest, innovation[a] ** 2 / (known + (by_parameters if update_parameters else 0.0))

@@ -1,0 +1,93 @@
+"""Likelihoods of the hypotheses on the drive, and the choice between them.
+
+Multiple-model estimation (Magill, "Optimal adaptive estimation of sampled stochastic processes",
+IEEE Trans. Autom. Control 10, 1965), with forgetting.
+"""
+
+from __future__ import annotations
+
+from math import inf, log
+from typing import Any
+
+from omnidrive.compiled import compiled
+from omnidrive.estimation.drive.identification_state import HYPOTHESES, KNOWN, forgetting_pace
+from omnidrive.estimation.drive_estimate import DriveSettings
+
+_CAUTION = 4.0
+"""Factor of the variances over the mean square of the innovations, because innovations that no
+hypothesis explains are not independent of each other."""
+SLIP_CAUTION = 30.0
+"""Factor of the variances with all wheels at the friction limit, in addition: a wrong friction
+lasts for the whole slip, so that its innovations are not independent of each other either."""
+_LARGEST_EVIDENCE = 12.0
+"""Largest square of an innovation over its variance in a likelihood."""
+_CHANGE, _CHANGE_IN_APPROACH, _CHANGE_UNCONFIRMED = 10.0, 4.0, 3.0
+"""Logarithm of the likelihood ratio above which another hypothesis is chosen; in an approach,
+which lasts for a few samples only, instead of the known parameters; and instead of a hypothesis
+that was never far better than all others."""
+_LIKELIHOOD_MEMORY = 5.0
+"""Time constant with which the likelihoods are forgotten, s."""
+
+
+@compiled
+def variance_scale(excess: float) -> float:
+    """Return the factor of the variances for the least mean square of the innovations."""
+    return max(1.0, _CAUTION * excess)
+
+
+@compiled
+def compare(state: Any, dt: float, excess: float) -> None:
+    """Update the likelihoods of the delays by the latest innovations.
+
+    Old evidence is forgotten faster where another hypothesis explains the motion better. The
+    variance that wheel slip adds is that of the hypothesis with most slip: it is an upper bound, so
+    that its logarithm must not decide. The caution with slip concerns the parameters only: no floor
+    makes a robot respond later.
+
+    Args:
+        state: Hypotheses and the chosen one; changed in place.
+        dt: Time since the last sample, s.
+        excess: Least mean square of the innovations over their variance.
+    """
+    hypotheses = state.hypotheses
+    pace = forgetting_pace(hypotheses[state.chosen].mean_square / max(excess, 1.0))
+    scale = variance_scale(excess)
+    for h in hypotheses:
+        h.log_likelihood *= max(1.0 - dt * pace / _LIKELIHOOD_MEMORY, 0.0)
+    for a in range(3):
+        largest = 0.0
+        for h in hypotheses:
+            slips = SLIP_CAUTION * h.saturation
+            share = scale / (scale + slips)
+            largest = max(largest, share * h.innovation.variance[a])
+        for h in hypotheses:
+            total = largest + h.innovation.by_parameters[a]
+            square = min(h.innovation.value[a] ** 2 / total, _LARGEST_EVIDENCE)
+            h.log_likelihood -= 0.5 * (square + log(total / largest))
+
+
+@compiled
+def choose(settings: DriveSettings, state: Any, approaches: bool) -> None:
+    """Choose the hypothesis that explains the motion far better than the present one, if any does.
+
+    Another hypothesis that was chosen by a small lead over the next one is left as easily.
+    """
+    chosen, hypotheses = state.chosen, state.hypotheses
+    margin = _CHANGE
+    if chosen == KNOWN and approaches:
+        margin = _CHANGE_IN_APPROACH
+    elif chosen != KNOWN and not state.is_confirmed:
+        margin = _CHANGE_UNCONFIRMED
+    best = hypotheses[chosen].log_likelihood + margin
+    for k in range(HYPOTHESES):
+        h = hypotheses[k]
+        if h.log_likelihood > best and h.delay <= settings.max_delay:
+            state.chosen, best = k, h.log_likelihood
+    if state.chosen != chosen:
+        state.is_confirmed = 0
+    others = -inf
+    for k in range(HYPOTHESES):
+        if k != state.chosen:
+            others = max(others, hypotheses[k].log_likelihood)
+    if hypotheses[state.chosen].log_likelihood > others + _CHANGE:
+        state.is_confirmed = 1
