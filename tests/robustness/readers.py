@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import warnings
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -59,7 +59,7 @@ from tests.robot.descriptions import (
 from tests.robustness.deployment_readers import deployment_readers
 from tests.robustness.reader import Reader
 from tests.simulation.recorded_run import recorded_run
-from tests.study.small import small_scenario
+from tests.study.small import noise_scenario, small_scenario
 from tests.study.synthetic import SyntheticPlan, record
 
 MOVINGAI = b"type octile\nheight 3\nwidth 4\nmap\n.@G.\nSTO.\n....\n"
@@ -308,7 +308,8 @@ def _studies(folder):
     sets = {"study.yaml": 1, "training.yaml": 1, "held-out.yaml": 2}
     files = {}
     for name, seed in sets.items():
-        definition = StudyDefinition.from_scenario(small_scenario(seed=seed))
+        tasks = small_scenario if name == "study.yaml" else partial(noise_scenario, 1)
+        definition = StudyDefinition.from_scenario(tasks(seed=seed))
         save_definition(definition, folder / name)
         files[name] = (folder / name).read_bytes()
     tuning = {"format": "omnidrive-tuning-1", "controller": "fuzzy_t1", "objectives": ["me"],

@@ -102,8 +102,8 @@ def loop_margins(
             commands no body twists.
         RunFailed: A simulation ends early.
     """
-    _check_parts(plant, reference)
     check_choice("component of the command", axis, get_args(LoopAxis))
+    _check_parts(plant, reference)
     _check_numbers(dt, at, response, amplitude)
     column = get_args(LoopAxis).index(axis)
     first, end = _samples(reference, dt, at, response)
