@@ -24,8 +24,14 @@ from omnidrive.estimation import State
 from omnidrive.estimation.drive_estimate import DriveSettings
 from omnidrive.estimation.motion.acceleration_ratio import reached_share
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between, wrap
-from omnidrive.reference import Hold, ShapeReference
-from omnidrive.reference.shapes import Eight
+from omnidrive.reference import (
+    Hold,
+    MotionLimits,
+    ShapeReference,
+    limit_rows,
+    shortest_duration_within,
+)
+from omnidrive.reference.shapes import Eight, Square
 from omnidrive.robot import Chassis, named_robot
 from omnidrive.robot.drive_model import DriveModel
 from omnidrive.robot.slip_response import slip_response
@@ -439,3 +445,17 @@ def test_a_reset_forgets_what_was_identified():
 def test_adaptation_with_bounds_that_exclude_the_robot_is_refused():
     with pytest.raises(InvalidInput, match="the lag before adaptation"):
         drive_controller(named_robot("small"), 0.05, DriveSettings(max_lag=0.1), motor_lag=0.2)
+
+
+def test_plans_keep_to_the_acceleration_that_a_slippery_floor_gives():
+    """With those of the known friction the mean errors are 287 mm and 164 mrad."""
+    robot = named_robot("small")
+    reference = ShapeReference(Square(), 14.0)
+    limits = limit_rows(robot.chassis, MotionLimits.of_robot(robot, share=0.7))
+    reference = ShapeReference(Square(), shortest_duration_within(reference, limits))
+    plant = PlanarPlant(replace(robot, friction=0.25 * robot.friction))
+    controller = drive_controller(robot, 0.05, DriveSettings())
+    run = simulate(plant, controller, reference, start=reference.at(0.0).pose, dt=0.05)
+    apart = (run.pose - run.target)[run.t > 3.0]
+    assert np.hypot(apart[:, 0], apart[:, 1]).mean() < 0.2
+    assert np.abs(apart[:, 2]).mean() < 0.15

@@ -43,6 +43,12 @@ def reached_share(state: Any) -> float:
 
 
 @compiled
+def limit_ratio(state: Any) -> float:
+    """Return the factor of the limits of acceleration for plans: 1 without evidence for less."""
+    return min(1.0, reached_share(state) / _ASSUMED)
+
+
+@compiled
 def response_ratio(state: Any) -> float:
     """Return the factor of speed per distance for a response that may be delayed, up to 1."""
     return 1.0 - (1.0 - _MIN_RESPONSE_RATIO) * float(state.response.delayed)

@@ -25,6 +25,7 @@ from omnidrive.control.nmpc.holonomic.step import (
 )
 from omnidrive.estimation.drive.identification_state import IdentificationMemory
 from omnidrive.estimation.drive_estimate import write_estimate
+from omnidrive.estimation.motion.acceleration_ratio import limit_ratio
 from omnidrive.estimation.motion.disturbance import disturbance_at
 from omnidrive.estimation.motion.motion_memory import MotionMemory, motion_memory, remember
 from omnidrive.estimation.motion.observation import Measurement, observe
@@ -114,6 +115,8 @@ class LawMemory(NamedTuple):
     targets: Float[Array, "points 3"]
     feedforward: Float[Array, "stages 3"]
     state_weights: Float[Array, "points 3"]
+    bounds: Float[Array, " rows"]
+    """Of the limits, without those of an approach."""
     last: Any
     """The last step, a record of :data:`STEP`."""
 
@@ -136,6 +139,7 @@ def law_memory(
         np.zeros((points, 3)),
         np.zeros((stages, 3)),
         np.zeros((points, 3)),
+        np.zeros(rows),
         np.zeros(1, STEP),
     )
 
@@ -144,7 +148,13 @@ def law_memory(
 def stage_problem(data: LawData, memory: LawMemory) -> HolonomicProblem:
     """Return the problem that :func:`begin` has filled in."""
     approaches = memory.last[0]["approaches"]  # in Python, a record has no attributes
-    return _problem(data, memory, data.approach_limits if approaches else data.limits)
+    return _problem(data, memory, data.approach_limits if approaches else _limits(data, memory))
+
+
+@compilable
+def _limits(data: LawData, memory: LawMemory) -> Limits:
+    """Return the limits with the bounds of this step."""
+    return Limits(data.limits.now, data.limits.before, memory.bounds)
 
 
 @compilable
@@ -206,12 +216,21 @@ def begin(
     last.started, last.t = 1, now.t
     last.pose[0], last.pose[1], last.pose[2] = x, y, yaw
     _fill_weights(data, memory)
-    problem = _problem(data, memory, data.limits)
+    _fill_bounds(data, memory)
+    problem = _problem(data, memory, _limits(data, memory))
     approaches = fill_problem(
         data.robot, memory.motion, problem, setpoints, 0, now.last, data.reserve
     )
     last.approaches = 1 if approaches else 0
     return True
+
+
+@compiled
+def _fill_bounds(data: LawData, memory: LawMemory) -> None:
+    """Fill in the bounds of the limits: accelerations are those that the robot is seen to reach."""
+    ratio, speeds = limit_ratio(memory.motion.state[0]), len(data.robot.wheels)
+    for k in range(len(memory.bounds)):
+        memory.bounds[k] = data.limits.bounds[k] * (ratio if k >= speeds else 1.0)
 
 
 @compiled
