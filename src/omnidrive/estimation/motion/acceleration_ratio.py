@@ -22,6 +22,9 @@ _MIN_LOAD = 0.3
 """Least share of the limits of acceleration at which a deficit is evidence."""
 _RISE, _REACTION, _FORGETTING_TIME = 0.04, 0.1, 20.0
 """Time constants in s: of rises, of reductions, and of the return to the assumed share."""
+_FOLLOWED, _PROBING_TIME = 0.9, 1.0
+"""Acceleration over the predicted one, from which on more is demanded again; and time constant of
+this in s."""
 _PROMPT, _DELAYED = 0.65, 0.55
 """Acceleration over the predicted one, from which on the response is prompt, and below which it is
 delayed."""
@@ -120,6 +123,8 @@ def update_reached(  # noqa: PLR0917
         late = min(max((_PUNCTUAL - share) / (_PUNCTUAL - _LATE), 0.0), 1.0)
         response.late = max(response.late, late)
     reached = min(max(share, 0.0), 1.0) * min(load, 1.0)
+    if share > _FOLLOWED and response.excess_ratio < 0.0:  # plans demand no more than was reached
+        response.excess_ratio *= 1.0 - dt / (dt + _PROBING_TIME)
     change = max(reached, _MIN) - reached_share(state)
     if load > _MIN_LOAD and (change > 0.0 or share < _DEFICIT):
         response.excess_ratio += dt / (dt + (_RISE if change > 0.0 else _REACTION)) * change
