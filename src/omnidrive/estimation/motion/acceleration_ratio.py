@@ -123,7 +123,7 @@ def update_reached(  # noqa: PLR0917
         late = min(max((_PUNCTUAL - share) / (_PUNCTUAL - _LATE), 0.0), 1.0)
         response.late = max(response.late, late)
     reached = min(max(share, 0.0), 1.0) * min(load, 1.0)
-    if load > _MIN_LOAD and share > _FOLLOWED and response.excess_ratio < 0.0:  # plans demand no more than was reached
+    if load > _MIN_LOAD and share > _FOLLOWED and response.excess_ratio < 0.0:
         response.excess_ratio *= 1.0 - dt / (dt + _PROBING_TIME)
     change = max(reached, _MIN) - reached_share(state)
     if load > _MIN_LOAD and (change > 0.0 or share < _DEFICIT):
