@@ -103,7 +103,7 @@ def drive(
     Samples have absolute deadlines. A sample that ends after the next one was due is a miss; those
     in between are skipped, never made up for. The robot is held (ramped to zero speed) if readings
     or estimate are older than :data:`~omnidrive.deploy.drive_loop.MAX_AGE`; it goes on only when it
-    is armed again. Without ``controls`` nobody can arm it, so that the drive ends when the ramp
+    is armed again. Without ``controls`` no user can arm it, so that the drive ends when the ramp
     does. There, and on a simulated clock, a drive in which the robot is not driven for
     :data:`~omnidrive.deploy.drive_loop.MAX_WAIT` ends. The robot is stopped however the drive ends;
     if this process is killed, by the watchdog of the link.

@@ -261,13 +261,16 @@ class _ImpulsePlant:
 
     @property
     def capabilities(self) -> PlantCapabilities:
+        """What the plant supports."""
         return self._plant.capabilities
 
     def reset(self, pose: Pose) -> PlantState:
+        """Start a run at a pose."""
         self._step = 0
         return self._plant.reset(pose)
 
     def step(self, command: CommandValue, dt: float) -> PlantState:
+        """Execute a command for ``dt`` seconds, with the impulse in its sample."""
         if self._step == self._impulse.sample and isinstance(command, BodyTwist):
             twist = list(command)
             twist[self._impulse.column] += self._impulse.amplitude
