@@ -226,6 +226,17 @@ def test_runs_with_faults(runs):
     assert set(total) == set(FallbackLevel)
 
 
+@pytest.mark.parametrize("run", [249, 404, 493])
+def test_a_lost_pose_among_noisy_ones_leaves_all_estimates_finite(run):
+    """The identification restarts where poses are noisy, but not at a pose that is not a number."""
+    name, dt = list(product(ROBOT_NAMES, (0.02, 0.05, 0.1)))[run % 12]
+    robot = named_robot(name)
+    context = ControllerContext(robot, dt, np.random.default_rng(0))
+    controller = recommended(context, HolonomicNmpcOptions())
+    run_of_faults(robot, controller, PlanarPlant(robot), dt, np.random.default_rng(run), name)
+    assert all(map(isfinite, controller.drive.parameters["gains"][0]))
+
+
 class Careless:
     """An estimator of which any number may be bad."""
 

@@ -99,10 +99,13 @@ def _identify(  # noqa: PLR0917
     goes_on = event in (CONTINUE, APPROACH)
     if goes_on and max(variances[0], variances[1]) > NOISY * NOISY:
         event, elapsed = START, period
+    pose = now.pose
+    if not now.fresh:  # lost, or the last one again
+        pose = (state.pose[0], state.pose[1], state.pose[2])
     sample = DriveSample(
         (sent[0], sent[1], sent[2]),
         elapsed,
-        now.pose,
+        pose,
         (twist[0], twist[1], twist[2]),
         variances,
         now.fresh,
