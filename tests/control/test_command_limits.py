@@ -73,11 +73,16 @@ def test_unicycle_uses_its_limits_where_the_reference_needs_them():
     assert problem.limits == (1.5, 3.14)
 
 
+def warnings_of_runs(caplog):
+    """Messages without the notes on the compilation of kernels, which depend on the cache."""
+    return [each.getMessage() for each in caplog.records if each.name != "omnidrive.compiled"]
+
+
 @pytest.mark.parametrize("make", [classical_pid, unicycle_nmpc])
 def test_reference_beyond_the_limits_is_one_warning_with_both_figures(make, caplog):
     with caplog.at_level(logging.WARNING, "omnidrive"):
         runs = [run_on(make("paper", DT)) for _ in range(2)]
-    (message,) = [record.getMessage() for record in caplog.records]
+    (message,) = warnings_of_runs(caplog)
     peak = np.hypot(*FAST.window(0.0, 31, DT)[:, 3:5].T).max()
     assert f"moves at up to {peak:.3g} m/s, and the controller commands at most 1.5 m/s" in message
     for run in runs:  # also where the warning is not repeated
@@ -88,7 +93,7 @@ def test_reference_within_the_limits_is_no_warning(caplog):
     slow = ShapeReference(Circle(radius=1.0), 8.0)
     run_on(classical_pid("paper", DT), slow)
     run_on(classical_pid("recommended", DT, PAPER))
-    assert not caplog.records
+    assert not warnings_of_runs(caplog)
 
 
 def test_both_limits_are_told(caplog):
