@@ -21,10 +21,14 @@ SLIP_CAUTION = 30.0
 lasts for the whole slip, so that its innovations are not independent of each other either."""
 _LARGEST_EVIDENCE = 12.0
 """Largest square of an innovation over its variance in a likelihood."""
-_CHANGE, _CHANGE_IN_APPROACH, _CHANGE_UNCONFIRMED = 10.0, 4.0, 3.0
+_CHANGE, _CHANGE_IN_APPROACH, _CHANGE_UNCONFIRMED, _CHANGE_TO_KNOWN = 10.0, 4.0, 3.0, 4.0
 """Logarithm of the likelihood ratio above which another hypothesis is chosen; in an approach,
-which lasts for a few samples only, instead of the known parameters; and instead of a hypothesis
-that was never far better than all others."""
+which lasts for a few samples only, instead of the known parameters; instead of a hypothesis that
+was never far better than all others; and above which the known drive is, the likeliest one before
+any sample."""
+_MAX_LEAD = 15.0
+"""Largest difference between the logarithms of the largest likelihood and of another one: a
+hypothesis that was wrong for long may become right."""
 _LIKELIHOOD_MEMORY = 5.0
 """Time constant with which the likelihoods are forgotten, s."""
 
@@ -64,6 +68,11 @@ def compare(state: Any, dt: float, excess: float) -> None:
             total = largest + h.innovation.by_parameters[a]
             square = min(h.innovation.value[a] ** 2 / total, _LARGEST_EVIDENCE)
             h.log_likelihood -= 0.5 * (square + log(total / largest))
+    best = -inf
+    for h in hypotheses:
+        best = max(best, h.log_likelihood)
+    for h in hypotheses:
+        h.log_likelihood = max(h.log_likelihood, best - _MAX_LEAD)
 
 
 @compiled
@@ -83,6 +92,9 @@ def choose(settings: DriveSettings, state: Any, approaches: bool) -> None:
         h = hypotheses[k]
         if h.log_likelihood > best and h.delay <= settings.max_delay:
             state.chosen, best = k, h.log_likelihood
+    least = hypotheses[chosen].log_likelihood + _CHANGE_TO_KNOWN
+    if state.chosen == chosen and hypotheses[KNOWN].log_likelihood > least:
+        state.chosen = KNOWN
     if state.chosen != chosen:
         state.is_confirmed = 0
     others = -inf
