@@ -40,7 +40,8 @@ def slip_compensation(
         The commanded twist, as near as the wheels allow; and the twist at the end of the step.
     """
     start = _vector(initial)
-    commanded = compensate(model, _vector(desired), start, float(dt), CORRECTIONS, may_spin)
+    mean = _vector(desired)
+    commanded = compensate(model, mean, mean, start, float(dt), CORRECTIONS, may_spin)
     _, final = slip_response(model, start, commanded, float(dt))
     return BodyTwist(*commanded), BodyTwist(*final)
 
@@ -53,6 +54,7 @@ def _vector(twist: BodyTwist) -> Vector:
 def compensate(  # noqa: PLR0917
     model: DriveModel,
     desired: Vector,
+    end: Vector,
     initial: Vector,
     dt: float,
     corrections: tuple[int, int],
@@ -65,6 +67,7 @@ def compensate(  # noqa: PLR0917
     Args:
         model: The model.
         desired: Constant twist that leads to the desired pose.
+        end: Planned twist at the end of the step, for the acceleration in a short one.
         initial: Twist at the start of the step.
         dt: In s.
         corrections: Their number, in translation and of the yaw rate; the latter is not larger.
@@ -78,9 +81,9 @@ def compensate(  # noqa: PLR0917
         # of the centripetal acceleration; a lag alone is one of the body twist, see lag_response
         rate = desired[2] if model.max_force < inf else 0.0
         commanded = (
-            desired[0] + tau[0] * ((desired[0] - initial[0]) / dt - rate * desired[1]),
-            desired[1] + tau[1] * ((desired[1] - initial[1]) / dt + rate * desired[0]),
-            desired[2] + tau[2] * (desired[2] - initial[2]) / dt,
+            desired[0] + tau[0] * ((end[0] - initial[0]) / dt - rate * desired[1]),
+            desired[1] + tau[1] * ((end[1] - initial[1]) / dt + rate * desired[0]),
+            desired[2] + tau[2] * (end[2] - initial[2]) / dt,
         )
         commanded = _saturate(model, commanded)
     else:

@@ -251,13 +251,14 @@ def command_stage(  # noqa: PLR0917
     noisy = position_variance(state) > NOISY * NOISY
     may_spin = may_spin and not (noisy or (is_late(state) and not approaches))
     corrections = _APPROACH_CORRECTIONS if approaches else CORRECTIONS
-    effective = compensate(robot.model, desired, initial, dt, corrections, may_spin)
-    mean = without_disturbance(robot.model, state, effective)
     change = (
         0.5 * (following[0] - desired[0]),
         0.5 * (following[1] - desired[1]),
         0.5 * (following[2] - desired[2]),
     )
+    end = (desired[0] + change[0], desired[1] + change[1], desired[2] + change[2])
+    effective = compensate(robot.model, desired, end, initial, dt, corrections, may_spin)
+    mean = without_disturbance(robot.model, state, effective)
     command = _saturate(robot, _command_motors(state, mean, motors, change, dt))
     remember(memory, command)
     return command
