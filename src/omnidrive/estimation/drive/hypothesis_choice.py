@@ -26,6 +26,9 @@ _CHANGE, _CHANGE_IN_APPROACH, _CHANGE_UNCONFIRMED, _CHANGE_TO_KNOWN = 10.0, 4.0,
 which lasts for a few samples only, instead of the known parameters; instead of a hypothesis that
 was never far better than all others; and above which the known drive is, the likeliest one before
 any sample."""
+_UNEXPLAINED = 4.0
+"""Least mean square of the innovations of a sample over their variances, of all hypotheses, above
+which the disturbance has changed at once."""
 _MAX_LEAD = 15.0
 """Largest difference between the logarithms of the largest likelihood and of another one: a
 hypothesis that was wrong for long may become right."""
@@ -46,7 +49,9 @@ def compare(state: Any, dt: float, excess: float) -> None:
     Old evidence is forgotten faster where another hypothesis explains the motion better. The
     variance that wheel slip adds is that of the hypothesis with most slip: it is an upper bound, so
     that its logarithm must not decide. The caution with slip concerns the parameters only: no floor
-    makes a robot respond later.
+    makes a robot respond later. Where no hypothesis explains a sample, all variances of this sample
+    are larger in proportion; and far above them, the disturbance has changed at once, which must
+    not be evidence for parameters.
 
     Args:
         state: Hypotheses and the chosen one; changed in place.
@@ -58,21 +63,45 @@ def compare(state: Any, dt: float, excess: float) -> None:
     scale = variance_scale(excess)
     for h in hypotheses:
         h.log_likelihood *= max(1.0 - dt * pace / _LIKELIHOOD_MEMORY, 0.0)
+    shared, least = state.work.variance, inf
     for a in range(3):
-        largest = 0.0
+        shared[a] = 0.0
         for h in hypotheses:
             slips = SLIP_CAUTION * h.saturation
-            share = scale / (scale + slips)
-            largest = max(largest, share * h.innovation.variance[a])
-        for h in hypotheses:
-            total = largest + h.innovation.by_parameters[a]
-            square = min(h.innovation.value[a] ** 2 / total, _LARGEST_EVIDENCE)
-            h.log_likelihood -= 0.5 * (square + log(total / largest))
+            shared[a] = max(shared[a], scale / (scale + slips) * h.innovation.variance[a])
+    for h in hypotheses:
+        mean = 0.0
+        for a in range(3):
+            total = shared[a] + h.innovation.by_parameters[a]
+            mean += h.innovation.value[a] ** 2 / (3.0 * total)
+        least = min(least, mean)
+    for h in hypotheses:
+        for a in range(3):
+            total = shared[a] + h.innovation.by_parameters[a]
+            square = h.innovation.value[a] ** 2 / (max(least, 1.0) * total)
+            h.log_likelihood -= 0.5 * (min(square, _LARGEST_EVIDENCE) + log(total / shared[a]))
     best = -inf
     for h in hypotheses:
         best = max(best, h.log_likelihood)
     for h in hypotheses:
         h.log_likelihood = max(h.log_likelihood, best - _MAX_LEAD)
+    if least > _UNEXPLAINED:
+        _forget_disturbances(hypotheses, dt)
+
+
+@compiled
+def _forget_disturbances(hypotheses: Any, dt: float) -> None:
+    """Let the variances of the disturbances explain the least innovations in a sample of ``dt`` s.
+
+    They are the same ones for all hypotheses, so that none explains later samples the better.
+    """
+    for a in range(3):
+        least = inf
+        for h in hypotheses:
+            least = min(least, (h.innovation.value[a] / dt) ** 2)
+        for h in hypotheses:
+            p = h.state_covariance[a]
+            p[2, 2] = max(p[2, 2], least)
 
 
 @compiled

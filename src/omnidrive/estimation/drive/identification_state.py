@@ -97,9 +97,11 @@ WORKSPACE = np.dtype([
     ("cross", "f8", PARAMETERS),
     ("gains", "f8", PARAMETERS),
     ("old", "f8", (PARAMETERS, PARAMETERS)),
+    ("variance", "f8", 3),
 ], align=True)  # fmt: skip
 """Of a correction: changes of the parameters and of the pose (in B); covariances of the parameters
-with the innovation, and their Kalman gains; and the covariance before forgetting."""
+with the innovation, and their Kalman gains; the covariance before forgetting; and variances of the
+innovations that all hypotheses share."""
 
 IDENTIFICATION = np.dtype([
     ("estimate", DRIVE_ESTIMATE),
