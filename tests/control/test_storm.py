@@ -226,7 +226,7 @@ def test_runs_with_faults(runs):
     assert set(total) == set(FallbackLevel)
 
 
-@pytest.mark.parametrize("run", [249, 404, 493])
+@pytest.mark.parametrize("run", [249, 404, 493, 3008, 3225])
 def test_a_lost_pose_among_noisy_ones_leaves_all_estimates_finite(run):
     """The identification restarts where poses are noisy, but not at a pose that is not a number."""
     name, dt = list(product(ROBOT_NAMES, (0.02, 0.05, 0.1)))[run % 12]

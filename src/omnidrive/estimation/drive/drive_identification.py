@@ -245,7 +245,7 @@ def _record(  # noqa: PLR0917
     largest, recorded = 0.0, h.innovation
     for a in range(3):
         by_parameters, sens = 0.0, h.sensitivity.displacement[a]
-        for i in range(PARAMETERS):
+        for i in range(PARAMETERS if update_parameters else 0):
             for j in range(PARAMETERS):
                 by_parameters += sens[i] * sens[j] * h.covariance[i, j]
         known = h.state_covariance[a, 0, 0] + variances[a] + _MIN_VARIANCE
@@ -254,9 +254,7 @@ def _record(  # noqa: PLR0917
         by_lag = by.lag + by.excess if a == 2 else by.lag
         recorded.variance[a] = (scale + SLIP_CAUTION * h.saturation) * known
         recorded.variance[a] += (_LAG_TOLERANCE * by_lag) ** 2
-        largest = max(
-            largest, innovation[a] ** 2 / (known + (by_parameters if update_parameters else 0.0))
-        )
+        largest = max(largest, innovation[a] ** 2 / (known + by_parameters))
     share = min(dt / _SCALE_MEMORY, 1.0)
     h.mean_square += share * (min(largest, _LARGEST_SQUARE) - h.mean_square)
 

@@ -21,14 +21,16 @@ SLIP_CAUTION = 30.0
 lasts for the whole slip, so that its innovations are not independent of each other either."""
 _LARGEST_EVIDENCE = 12.0
 """Largest square of an innovation over its variance in a likelihood."""
-_CHANGE, _CHANGE_IN_APPROACH, _CHANGE_UNCONFIRMED, _CHANGE_TO_KNOWN = 10.0, 4.0, 3.0, 4.0
+_CHANGE, _CHANGE_IN_APPROACH, _CHANGE_UNCONFIRMED, _CHANGE_TO_KNOWN = 10.0, 4.0, 1.0, 4.0
 """Logarithm of the likelihood ratio above which another hypothesis is chosen; in an approach,
-which lasts for a few samples only, instead of the known parameters; instead of a hypothesis that
-was never far better than all others; and above which the known drive is, the likeliest one before
-any sample."""
+which lasts for a few samples only, instead of the known drive; instead of a hypothesis that was
+never far better than all others; and above which the known drive is, the likeliest one before any
+sample."""
 _UNEXPLAINED = 4.0
 """Least mean square of the innovations of a sample over their variances, of all hypotheses, above
 which the disturbance has changed at once."""
+_LARGEST_DISTURBANCE = 1.0
+"""Largest standard deviation of a disturbance that changes at once, m/s and rad/s."""
 _MAX_LEAD = 15.0
 """Largest difference between the logarithms of the largest likelihood and of another one: a
 hypothesis that was wrong for long may become right."""
@@ -101,7 +103,7 @@ def _forget_disturbances(hypotheses: Any, dt: float) -> None:
             least = min(least, (h.innovation.value[a] / dt) ** 2)
         for h in hypotheses:
             p = h.state_covariance[a]
-            p[2, 2] = max(p[2, 2], least)
+            p[2, 2] = max(p[2, 2], min(least, _LARGEST_DISTURBANCE**2))
 
 
 @compiled

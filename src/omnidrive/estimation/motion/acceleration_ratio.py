@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import cos, isfinite, isnan, nan, sin
 from typing import Any
 
 from jaxtyping import Float
@@ -28,8 +29,13 @@ this in s."""
 _PROMPT, _DELAYED = 0.65, 0.55
 """Acceleration over the predicted one, from which on the response is prompt, and below which it is
 delayed."""
-_MIN_RESPONSE_RATIO, _DELAY_FORGETTING_TIME = 0.33, 10.0
-"""Ratio of a delayed response, and time constant in s with which a delay is forgotten."""
+_DELAYED_RATIO, _ABSENT_RATIO, _DELAY_FORGETTING_TIME = 0.6, 0.3, 10.0
+"""Factors of the speed per distance for a delayed and for an absent response, and time constant in
+s with which both are forgotten."""
+_PRESENT, _ABSENT = 0.1, 0.05
+"""As :data:`_PROMPT` and :data:`_DELAYED`, for a response in the sample of a command at all."""
+_ONSET = 0.1
+"""Acceleration over the next one, up to which the next one is the first."""
 _PUNCTUAL, _LATE = 0.35, 0.25
 """As :data:`_PROMPT` and :data:`_DELAYED`, for a response that a delay or a lag explains, but no
 lower friction."""
@@ -54,7 +60,8 @@ def limit_ratio(state: Any) -> float:
 @compiled
 def response_ratio(state: Any) -> float:
     """Return the factor of speed per distance for a response that may be delayed, up to 1."""
-    return 1.0 - (1.0 - _MIN_RESPONSE_RATIO) * float(state.response.delayed)
+    delayed, absent = float(state.response.delayed), float(state.response.absent)
+    return 1.0 - (1.0 - _DELAYED_RATIO) * delayed - (_DELAYED_RATIO - _ABSENT_RATIO) * absent
 
 
 @compiled
@@ -83,8 +90,8 @@ def update_reached(  # noqa: PLR0917
 
     On a slippery floor the robot accelerates less than the model predicts as long as more is
     demanded. The share follows such deficits within a tenth of a second, and rises at once where
-    the robot is seen to accelerate more: a motor lag is a deficit for a moment only. A large one
-    shows a lag or a delay that the model does not have, and is remembered for seconds.
+    the robot is seen to accelerate more. A displacement that is smaller than predicted by one
+    sample shows a lag or a delay that the model does not have, and is remembered for seconds.
 
     Args:
         model: The model.
@@ -95,38 +102,137 @@ def update_reached(  # noqa: PLR0917
         measured: Measured pose.
         dt: Time since then, in s.
     """
-    vx, vy = arc_velocity(dt, pose[2], twist[0], twist[1], twist[2])
-    free = (pose[0] + dt * vx, pose[1] + dt * vy, pose[2] + dt * twist[2])  # not accelerated
-    missing, expected = 0.0, 0.0
-    for a in range(3):
-        change, error = state.pose[a] - free[a], state.pose[a] - measured[a]
-        if a == 2:
-            error = wrap_angle(error)
-        missing += model.inertia[a] * change * error
-        expected += model.inertia[a] * change * change
-    if expected <= _NOISE_RATIO * model.inertia[0] * position_variance(state):
+    change = (
+        (state.twist[0] - twist[0]) / dt,
+        (state.twist[1] - twist[1]) / dt,
+        (state.twist[2] - twist[2]) / dt,
+    )
+    response, load = state.response, _load(faces, change)
+    share = _displacement_ratio(model, state, pose, twist, measured, dt)
+    ratio, mean_load = _acceleration_ratio(model, faces, state, pose, twist, measured, dt)
+    is_first, response.load = response.load <= _ONSET * load, load
+    if isnan(share):
         return
-    load = 0.0
-    for j in range(len(faces)):
-        change = 0.0
-        for a in range(3):
-            change += faces[j, a] * (state.twist[a] - twist[a])
-        load = max(load, abs(change) / dt)
-    share, response = 1.0 - missing / expected, state.response
-    response.delayed *= 1.0 - dt / _DELAY_FORGETTING_TIME
-    response.prompt *= 1.0 - dt / _DELAY_FORGETTING_TIME
-    response.late *= max(1.0 - dt / _LATE_FORGETTING_TIME, 0.0)
-    if load > _MIN_LOAD:
-        delayed = min(max((_PROMPT - share) / (_PROMPT - _DELAYED), 0.0), 1.0)
-        response.delayed = max(response.delayed, delayed)
-        response.prompt = max(response.prompt, 1.0 - delayed)
-        late = min(max((_PUNCTUAL - share) / (_PUNCTUAL - _LATE), 0.0), 1.0)
-        response.late = max(response.late, late)
-    reached = min(max(share, 0.0), 1.0) * min(load, 1.0)
-    if load > _MIN_LOAD and share > _FOLLOWED and response.excess_ratio < 0.0:
+    _update_delay(response, share, load, is_first, dt)
+    reached = min(max(ratio, 0.0), 1.0) * min(mean_load, 1.0)
+    if mean_load > _MIN_LOAD and ratio > _FOLLOWED and response.excess_ratio < 0.0:
         response.excess_ratio *= 1.0 - dt / (dt + _PROBING_TIME)
-    change = max(reached, _MIN) - reached_share(state)
-    if load > _MIN_LOAD and (change > 0.0 or share < _DEFICIT):
-        response.excess_ratio += dt / (dt + (_RISE if change > 0.0 else _REACTION)) * change
+    excess = max(reached, _MIN) - reached_share(state)
+    if mean_load > _MIN_LOAD and (excess > 0.0 or ratio < _DEFICIT):
+        response.excess_ratio += dt / (dt + (_RISE if excess > 0.0 else _REACTION)) * excess
     else:
         response.excess_ratio *= 1.0 - dt / _FORGETTING_TIME
+
+
+@compiled
+def _update_delay(response: Any, share: float, load: float, is_first: bool, dt: float) -> None:
+    """Update how much the response is delayed, absent, late or prompt.
+
+    Args:
+        response: A record of :data:`~.motion_memory.RESPONSE`; changed in place.
+        share: :func:`_displacement_ratio` of the sample.
+        load: Predicted acceleration of the sample over its limits.
+        is_first: Whether the robot did not accelerate before.
+        dt: Length of the sample, s.
+    """
+    kept = 1.0 - dt / _DELAY_FORGETTING_TIME
+    response.delayed *= kept
+    response.absent *= kept
+    response.prompt *= kept
+    response.late *= max(1.0 - dt / _LATE_FORGETTING_TIME, 0.0)
+    if load <= _MIN_LOAD:
+        return
+    delayed = _between(share, _PROMPT, _DELAYED)
+    response.delayed = max(response.delayed, delayed)
+    response.prompt = max(response.prompt, 1.0 - delayed)
+    response.late = max(response.late, _between(share, _PUNCTUAL, _LATE))
+    if is_first:
+        response.absent = max(response.absent, _between(share, _PRESENT, _ABSENT))
+
+
+@compiled
+def _between(share: float, high: float, low: float) -> float:
+    """Return 0 at ``high`` or above to 1 at ``low`` or below."""
+    return float(min(max((high - share) / (high - low), 0.0), 1.0))
+
+
+@compiled
+def _displacement_ratio(  # noqa: PLR0917
+    model: DriveModel, state: Any, pose: Vector, twist: Vector, measured: Vector, dt: float
+) -> float:
+    """Return the displacement by acceleration in a sample over the predicted one.
+
+    NaN where it is no larger than the noise of the poses. Arguments as of :func:`update_reached`.
+    """
+    changes = _accelerated_displacement(state, pose, twist, dt)
+    missing, expected = 0.0, 0.0
+    for a in range(3):
+        error = state.pose[a] - measured[a]
+        if a == 2:
+            error = wrap_angle(error)
+        missing += model.inertia[a] * changes[a] * error
+        expected += model.inertia[a] * changes[a] * changes[a]
+    if expected <= _NOISE_RATIO * model.inertia[0] * position_variance(state):
+        return nan
+    return 1.0 - missing / expected
+
+
+@compiled
+def _accelerated_displacement(state: Any, pose: Vector, twist: Vector, dt: float) -> Vector:
+    """Return the predicted displacement in W minus that with a constant body twist; m, m, rad."""
+    vx, vy = arc_velocity(dt, pose[2], twist[0], twist[1], twist[2])
+    x, y, yaw = state.pose[0] - pose[0], state.pose[1] - pose[1], state.pose[2] - pose[2]
+    return x - dt * vx, y - dt * vy, yaw - dt * twist[2]
+
+
+@compiled
+def _acceleration_ratio(  # noqa: PLR0917
+    model: DriveModel,
+    faces: Float[Array, "faces 3"],
+    state: Any,
+    pose: Vector,
+    twist: Vector,
+    measured: Vector,
+    dt: float,
+) -> tuple[float, float]:
+    """Return the measured over the predicted acceleration, and the load of the latter.
+
+    Both are differences of the mean velocities of the last two samples in W, which a constant delay
+    does not change. The predicted one is the change of the velocity within the last sample as far
+    as it moved the robot in this sample, and that of the one before as far as it did not.
+    Arguments as of :func:`update_reached`.
+    """
+    response, after = state.response, state.twist
+    c0, s0 = cos(pose[2]), sin(pose[2])
+    c, s = cos(state.pose[2]), sin(state.pose[2])
+    changes = (
+        c * after[0] - s * after[1] - c0 * twist[0] + s0 * twist[1],
+        s * after[0] + c * after[1] - s0 * twist[0] - c0 * twist[1],
+        after[2] - twist[2],
+    )
+    accelerated = _accelerated_displacement(state, pose, twist, dt)
+    moved = (measured[0] - pose[0], measured[1] - pose[1], wrap_angle(measured[2] - pose[2]))
+    reached, demanded, predicted = 0.0, 0.0, response.change
+    for a in range(3):
+        predicted[a] += accelerated[a] / dt
+        reached += model.inertia[a] * predicted[a] * (moved[a] / dt - response.velocity[a])
+        demanded += model.inertia[a] * predicted[a] * predicted[a]
+        response.velocity[a] = moved[a] / dt
+    x, y, yaw = predicted
+    load = _load(faces, ((c * x + s * y) / dt, (c * y - s * x) / dt, yaw / dt))
+    for a in range(3):
+        predicted[a] = changes[a] - accelerated[a] / dt  # by what the next sample will be faster
+    ratio = reached / demanded if demanded > 0.0 else 0.0
+    return (ratio, load) if isfinite(ratio + load) else (0.0, 0.0)  # of an outlier
+
+
+@compiled
+def _load(faces: Float[Array, "faces 3"], acceleration: Vector) -> float:
+    """Return the largest component of an acceleration in B over its limit."""
+    largest = 0.0
+    for j in range(len(faces)):
+        component = 0.0
+        for a in range(3):
+            component += faces[j, a] * acceleration[a]
+        largest = max(largest, abs(component))
+    return largest

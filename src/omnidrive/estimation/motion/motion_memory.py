@@ -31,12 +31,18 @@ of measurements. See :func:`~.pose_noise.estimate_noise` and :func:`~.motion_obs
 RESPONSE = np.dtype([
     ("excess_ratio", "f8"),
     ("delayed", "f8"),
+    ("absent", "f8"),
     ("late", "f8"),
     ("prompt", "f8"),
+    ("load", "f8"),
+    ("velocity", "f8", 3),
+    ("change", "f8", 3),
 ], align=True)  # fmt: skip
 """Share of the planned acceleration that the robot reaches, minus the assumed one; how much its
-response is delayed, and has lately been late, 0 to 1; and how clearly hard accelerations were
-followed at once, 0 to 1. See :func:`~.acceleration_ratio.reached_share`,
+response is delayed, absent in the first sample, and has lately been late, 0 to 1; how clearly hard
+accelerations were followed at once, 0 to 1; and of the last sample the predicted acceleration over
+its limits, the mean velocity in W, and the part of the predicted change of velocity that will act
+in the next sample only, m/s, m/s, rad/s. See :func:`~.acceleration_ratio.reached_share`,
 :func:`~.acceleration_ratio.response_ratio`, :func:`~.acceleration_ratio.is_late` and
 :func:`~.acceleration_ratio.shows_no_delay`."""
 
@@ -128,7 +134,10 @@ def restart(memory: MotionMemory, pose: Vector, twist: Vector) -> None:
     memory.commands[:] = 0.0
     noise.position_variance = noise.yaw_variance = state.slip_time = state.caution = 0.0
     noise.measurements = 0
-    response.excess_ratio = response.delayed = response.late = response.prompt = 0.0
+    response.excess_ratio = response.delayed = response.absent = response.late = 0.0
+    response.prompt = response.load = 0.0
+    response.velocity[:] = 0.0
+    response.change[:] = 0.0
 
 
 @compiled

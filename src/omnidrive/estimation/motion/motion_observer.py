@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, cos, inf, sin, sqrt
+from math import ceil, copysign, cos, inf, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -203,7 +203,7 @@ def correct(  # noqa: PLR0917
         dt: Sample time, in s.
         shares: Of wheels at the friction limit, as :func:`predict` returns them. While wheels slip,
             the disturbance is constant; if they go on to slip, it may decrease.
-        steady: Whether the disturbance may be corrected.
+        steady: Whether the disturbance may be corrected; otherwise it may decrease.
     """
     yaw = state.pose[2]
     c, s = cos(yaw), sin(yaw)
@@ -224,10 +224,8 @@ def correct(  # noqa: PLR0917
                 state.twist[a] += innovation[a] / dt
                 inflate_twist_variance(model, state, a, dt)
             continue
-        to_zero = p[2, 0] * innovation[a] * state.disturbance[a] < 0.0
-        wrong = state.slip_time > _MAX_SLIP_TIME and to_zero
-        constant = steady and (shares.disturbed <= STEADY_SATURATION or wrong)
-        gains = (p[0, 0] / total, p[1, 0] / total, p[2, 0] / total if constant else 0.0)
+        gain = _disturbance_gain(state, a, innovation[a], total, shares, steady)
+        gains = (p[0, 0] / total, p[1, 0] / total, gain)
         change[a] = gains[0] * innovation[a]
         state.noise.residual[a] = innovation[a] - change[a]
         state.twist[a] += gains[1] * innovation[a]
@@ -238,6 +236,24 @@ def correct(  # noqa: PLR0917
     state.pose[0] += c * change[0] - s * change[1]
     state.pose[1] += s * change[0] + c * change[1]
     state.pose[2] += change[2]
+
+
+@compiled
+def _disturbance_gain(  # noqa: PLR0917
+    state: Any, axis: int, innovation: float, total: float, shares: SlipShares, steady: bool
+) -> float:
+    """Return the gain of the disturbance, at most to zero where the motion is not steady.
+
+    See :func:`correct`; ``total`` is the variance of the innovation.
+    """
+    gain, disturbance = state.covariance[axis, 2, 0] / total, state.disturbance[axis]
+    to_zero = gain * innovation * disturbance < 0.0
+    wrong = state.slip_time > _MAX_SLIP_TIME and to_zero
+    if not (shares.disturbed <= STEADY_SATURATION or wrong) or not (steady or to_zero):
+        return 0.0
+    if steady:
+        return float(gain)
+    return copysign(min(abs(gain), abs(disturbance / innovation)), gain)
 
 
 @compiled

@@ -30,6 +30,9 @@ from omnidrive.robot.slip import Vector
 _MIN_GAP, _MAX_GAP = 0.5, 5.0
 """Sample times since the last step: up to the first the clock is wrong, and one sample time has
 passed; after the second the motion observer starts again."""
+_EXPLAINED = 2.0
+"""Mean square of the innovations of a hypothesis over their variance, up to which it explains the
+motion."""
 
 
 class Measurement(NamedTuple):
@@ -112,8 +115,11 @@ def _identify(  # noqa: PLR0917
     )
     identify(event, robot.model, robot.bounds, robot.drive, memory.identified, sample)
     found = memory.identified.state[0]
-    if found.applied.delay != state.drive.delay:  # the response was late by another delay
-        state.response.delayed = state.response.late = state.response.prompt = 0.0
+    if found.applied.delay != state.drive.delay:  # the motion was estimated for another delay
+        chosen, response = found.hypotheses[found.chosen], state.response
+        response.delayed = response.absent = response.late = response.prompt = 0.0
+        for a in range(3 if chosen.mean_square < _EXPLAINED else 0):
+            state.twist[a], state.disturbance[a] = chosen.twist[a], chosen.disturbance[a]
     state.drive = found.applied
     unknown = unknown_delay(found.estimate.sum_error, found.estimate.delay_error, period)
     update_caution(state, unknown, elapsed)
