@@ -7,7 +7,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.control.nmpc.common.exit import Exit
 from omnidrive.control.nmpc.common.ipopt import IpoptSettings, casadi
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
@@ -33,9 +35,15 @@ class HolonomicIpopt:
     def __post_init__(self) -> None:
         casadi()
 
-    def solve(self, problem: HolonomicProblem) -> HolonomicSolution:
-        """Return the local optimum reached from the optimum without limits."""
-        guess = unconstrained_velocities(problem)
+    def solve(
+        self, problem: HolonomicProblem, guess: Float[Array, "stages 3"] | None = None
+    ) -> HolonomicSolution:
+        """Return the local optimum reached from ``guess``: velocities of all stages.
+
+        None: from the optimum without limits.
+        """
+        if guess is None:
+            guess = unconstrained_velocities(problem)
         stages, rows = len(guess), len(problem.limits.bounds)
         if not np.isfinite(guess).all():
             multipliers = np.zeros((stages, rows))
