@@ -37,6 +37,7 @@ from omnidrive.control.nmpc.holonomic.law import (
     begin,
     call_law,
     finish,
+    latest_velocities,
     law,
     law_memory,
     stage_problem,
@@ -377,7 +378,11 @@ class HolonomicController(GuardedController):
         usable = begin(data, memory, now, setpoints)
         problem = stage_problem(data, memory)
         usable = usable and isfinite(problem.start.sum() + problem.targets.sum())
-        solution = solver.solve(problem) if usable else None
+        solution = None
+        if usable and isinstance(solver, HolonomicSolver):
+            solution = solver.solve(problem, latest_velocities(memory))
+        elif usable:
+            solution = solver.solve(problem)
         solved = solution is not None and solution.exit is not Exit.UNUSABLE
         if solution is not None and solved:
             self._solution, plan = solution, memory.plan

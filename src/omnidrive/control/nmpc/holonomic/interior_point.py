@@ -12,7 +12,6 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, STALLED
 from omnidrive.control.nmpc.holonomic.feasible_start import feasible_velocities, relaxed_bounds
-from omnidrive.control.nmpc.holonomic.keep_out_cost import keep_out_cost
 from omnidrive.control.nmpc.holonomic.motion import limit_value, roll_out, stage_twists
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.riccati import (
@@ -31,6 +30,7 @@ from omnidrive.control.nmpc.holonomic.stage_point import (
     cost,
     evaluate,
     gradient_norm,
+    lower_bound,
     overwrite,
 )
 
@@ -81,9 +81,7 @@ def initialize(
     bounds = relaxed_bounds(p)
     stages, rows = bounds.shape
     velocities = feasible_velocities(p, bounds)
-    states = roll_out(p, unconstrained)
-    lower_bound = cost(p, states, unconstrained) - keep_out_cost(p.keep_outs, states)
-    excess = cost(p, roll_out(p, velocities), velocities) - lower_bound
+    excess = cost(p, roll_out(p, velocities), velocities) - lower_bound(p, unconstrained)
     point = allocate_point(velocities, bounds)
     evaluate(p, point)
     side_multipliers = max(excess / (2 * stages * rows), min_barrier) / point.slacks

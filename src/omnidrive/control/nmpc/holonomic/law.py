@@ -152,6 +152,13 @@ def stage_problem(data: LawData, memory: LawMemory) -> HolonomicProblem:
 
 
 @compilable
+def latest_velocities(memory: LawMemory) -> Float[Array, "later 3"]:
+    """Return the velocities of the latest plan from now on; empty: there is none."""
+    steps, velocities = memory.last[0]["plan_steps"], memory.plan.velocities
+    return velocities[steps if steps > 0 else len(velocities) :]
+
+
+@compilable
 def _limits(data: LawData, memory: LawMemory) -> Limits:
     """Return the limits with the bounds of this step."""
     return Limits(data.limits.now, data.limits.before, memory.bounds)
@@ -190,7 +197,8 @@ def law(  # noqa: PLR0917
     solved = False
     if begin(d, m, now, setpoints):
         tolerance, max_iterations = d.settings
-        solved = solve_problem(stage_problem(d, m), m.plan, tolerance, max_iterations)
+        p, latest = stage_problem(d, m), latest_velocities(m)
+        solved = solve_problem(p, m.plan, latest, tolerance, max_iterations)
     return finish(d, m, solved, now.delay, command, details)
 
 

@@ -80,6 +80,13 @@ def cost(
 
 
 @compiled
+def lower_bound(p: HolonomicProblem, unconstrained: Float[Array, "stages 3"]) -> float:
+    """Return J of the optimum without limits and keep-out zones: no plan costs less."""
+    states = roll_out(p, unconstrained)
+    return cost(p, states, unconstrained) - keep_out_cost(p.keep_outs, states)
+
+
+@compiled
 def evaluate(p: HolonomicProblem, point: StagePoint) -> None:
     """Fill in all fields that follow from velocities and multipliers."""
     _fill_objective(p, point)

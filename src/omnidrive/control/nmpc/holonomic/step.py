@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, isfinite, sin
+from math import cos, isfinite, pi, sin
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +10,10 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.control.nmpc.common.exit import CONVERGED
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.minimum_time_targets import minimum_time_targets
+from omnidrive.control.nmpc.holonomic.other_side import HYSTERESIS, replaces
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.slip_compensation import (
     CORRECTIONS,
@@ -20,7 +22,7 @@ from omnidrive.control.nmpc.holonomic.slip_compensation import (
 )
 from omnidrive.control.nmpc.holonomic.solution import assess
 from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constraints
-from omnidrive.control.nmpc.holonomic.stage_point import overwrite
+from omnidrive.control.nmpc.holonomic.stage_point import lower_bound, overwrite
 from omnidrive.estimation.motion.acceleration_ratio import (
     is_late,
     reached_share,
@@ -197,18 +199,50 @@ def _lead(robot: RobotModel, p: HolonomicProblem, twist: Vector) -> float:
 
 
 @compiled
-def solve_problem(p: HolonomicProblem, plan: Plan, tolerance: float, max_iterations: int) -> bool:
+def solve_problem(
+    p: HolonomicProblem,
+    plan: Plan,
+    latest: Float[Array, "later 3"],
+    tolerance: float,
+    max_iterations: int,
+) -> bool:
     """Solve a problem as :class:`~.solver.HolonomicSolver` does; fill in the plan if it is usable.
+
+    Where a limit is active and the heading error exceeds a right angle, the problem with the other
+    turn of the heading is solved as well, unless its optimum without limits costs more already; see
+    :func:`~.other_side.replaces` for the choice.
+
+    Args:
+        p: The problem; the yaws of its targets become those of the chosen turn.
+        plan: Output; may contain ``latest``.
+        latest: Velocities of the latest plan from now on; empty: there is none.
+        tolerance: See :class:`~.solver.HolonomicSolverSettings`.
+        max_iterations: See :class:`~.solver.HolonomicSolverSettings`.
 
     Returns:
         Whether problem and plan consist of finite numbers.
     """
     if not isfinite(p.start.sum() + p.targets.sum()):
         return False
-    velocities, multipliers, iterations, code = minimise(p, tolerance, max_iterations)
+    velocities, multipliers, iterations, code = minimise(p, latest, tolerance, max_iterations)
     states, cost, residual, violation = assess(p, velocities, multipliers)
     if not isfinite(cost + residual + violation):
         return False
+    error = p.targets[0, 2] - p.start[2]
+    if iterations > 0 and abs(error) > 0.5 * pi:
+        turn = -2.0 * pi if error > 0.0 else 2.0 * pi
+        _turn_targets(p, turn)
+        better, other = False, unconstrained_velocities(p)
+        if (1.0 - HYSTERESIS) * lower_bound(p, other) < cost:
+            other, others, spent, end = minimise(p, latest, tolerance, max_iterations)
+            assessed = assess(p, other, others)
+            usable = end == CONVERGED and isfinite(assessed[1] + assessed[2] + assessed[3])
+            better = usable and replaces(p, velocities, cost, other, assessed[1], latest)
+            if better:
+                velocities, multipliers, iterations, code = other, others, spent, end
+                states, cost, residual, violation = assessed
+        if not better:
+            _turn_targets(p, -turn)
     overwrite(plan.velocities, velocities)
     overwrite(plan.states, states)
     overwrite(plan.multipliers, multipliers)
@@ -216,6 +250,13 @@ def solve_problem(p: HolonomicProblem, plan: Plan, tolerance: float, max_iterati
     figures.cost, figures.residual, figures.violation = cost, residual, violation
     figures.iterations, figures.exit = iterations, code
     return True
+
+
+@compiled
+def _turn_targets(p: HolonomicProblem, angle: float) -> None:
+    """Add an angle, in rad, to the yaw of every target."""
+    for k in range(len(p.targets)):
+        p.targets[k, 2] += angle
 
 
 @compiled
