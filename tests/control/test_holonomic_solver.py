@@ -22,6 +22,7 @@ from omnidrive.control.nmpc.holonomic import (
 from omnidrive.control.nmpc.holonomic.active_set import solve_active_set
 from omnidrive.control.nmpc.holonomic.interior_point import initialize, iterate
 from omnidrive.control.nmpc.holonomic.keep_out_cost import keep_out_cost, signed_distance
+from omnidrive.control.nmpc.holonomic.law import law_memory
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.motion import (
     limit_value,
@@ -30,6 +31,7 @@ from omnidrive.control.nmpc.holonomic.motion import (
     stage_twists,
     twist_derivatives,
 )
+from omnidrive.control.nmpc.holonomic.other_side import replaces
 from omnidrive.control.nmpc.holonomic.solution import HolonomicSolution
 from omnidrive.control.nmpc.holonomic.stage_point import (
     allocate_point,
@@ -37,6 +39,7 @@ from omnidrive.control.nmpc.holonomic.stage_point import (
     evaluate,
     reduced_gradient,
 )
+from omnidrive.control.nmpc.holonomic.step import solve_problem
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import BodyTwist, Pose, twist_between
 from omnidrive.geometry.arc import arc_factor, arc_twist, arc_velocity
@@ -335,6 +338,76 @@ def test_plan_leaves_and_avoids_keep_out_zones(corners, weight):
     assert distance[0, 0] < 0.3
     assert distance[0, 6:].min() > 0.3 - allowed
     assert distance[1].min() > 0.25 - allowed
+
+
+@pytest.mark.parametrize(
+    ("seed", "first", "best"),
+    [
+        (12, 36.1463, 30.2471),
+        (22, 374.051, 254.151),
+        (74, 35.2073, 21.5734),
+        (98, 36.5125, 6.97619),
+    ],
+)
+def test_zone_is_passed_on_the_better_side(seed, first, best):
+    """The costs are those of IPOPT from starts on either side."""
+    p = problem(np.random.default_rng(seed), 15, 12.0, rate=50.0, zones=1)
+    point, iterations = solve_active_set(p, unconstrained_velocities(p), 1e-8, 200)
+    velocities = point.velocities
+    if iterations < 0:
+        ip = initialize(p, unconstrained_velocities(p), 1e-8)
+        assert iterate(p, ip, 1e-8, 200) == CONVERGED
+        velocities = ip.point.velocities
+    assert cost(p, roll_out(p, velocities), velocities) == pytest.approx(first, rel=1e-5)
+    found = HolonomicSolver().solve(p)
+    assert found.exit is Exit.CONVERGED
+    assert found.cost == pytest.approx(best, rel=1e-5)
+    assert found.residual < 1e-6
+    assert np.array_equal(found.velocities, HolonomicSolver(deadline=60.0).solve(p).velocities)
+    assert np.array_equal(found.velocities, HolonomicSolver().solve(p, found.velocities).velocities)
+
+
+@pytest.mark.parametrize(
+    ("excess", "latest", "replaced"),
+    [
+        (-0.01, None, True),
+        (0.01, None, False),
+        (-0.01, "first", False),
+        (-0.06, "first", True),
+        (0.01, "other", True),
+        (0.06, "other", False),
+    ],
+)
+def test_plan_near_the_latest_one_is_kept_up_to_a_small_difference_of_costs(
+    excess, latest, replaced
+):
+    p = problem(np.random.default_rng(1))
+    first, other = np.zeros((15, 3)), np.ones((15, 3))
+    plans = {None: first[:0], "first": first[1:] + 0.1, "other": other[1:] - 0.1}
+    assert replaces(p, first, 10.0, other, 10.0 * (1.0 + excess), plans[latest]) is replaced
+
+
+@pytest.mark.parametrize(
+    ("seed", "first", "best"),
+    [(7, 2028.38, 1507.26), (36, 2150.37, 1509.79), (56, 1305.50, 948.246)],
+)
+def test_heading_turns_in_the_better_direction(seed, first, best):
+    """The target is 3 rad to the left and turns left; the costs are IPOPT's for both turns."""
+    p = problem(np.random.default_rng(seed), 15, 12.0, rate=50.0)
+    p.start[2] = p.targets[0, 2] - 3.0
+    assert HolonomicSolver().solve(p).cost == pytest.approx(first, rel=1e-5)
+    plan = law_memory(15, 8, 0).plan
+    assert solve_problem(p, plan, plan.velocities[:0], *HolonomicSolverSettings())
+    assert float(plan.figures["cost"][0]) == pytest.approx(best, rel=1e-5)
+    assert plan.states[-1, 2] < p.start[2] - 1.0  # it turns right
+
+
+def test_heading_error_of_a_right_angle_has_one_turn():
+    p = problem(np.random.default_rng(7), 15, 12.0, rate=50.0)
+    p.start[2] = p.targets[0, 2] - 1.5
+    plan = law_memory(15, 8, 0).plan
+    assert solve_problem(p, plan, plan.velocities[:0], *HolonomicSolverSettings())
+    assert np.array_equal(plan.velocities, HolonomicSolver().solve(p).velocities)
 
 
 @given(SEEDS)

@@ -228,9 +228,11 @@ def minimise(
     if not violates_constraints(p, unconstrained):
         return unconstrained, np.zeros((len(unconstrained), len(p.limits.bounds))), 0, CONVERGED
     first = _first_optimum(p, unconstrained, tolerance, max_iterations)
+    if len(p.keep_outs.radii) == 0 or first[3] != CONVERGED:
+        return first
     states = roll_out(p, first[0])
     j, k = crossed_zone(p, roll_out(p, unconstrained), states)
-    if j < 0 or first[3] != CONVERGED:
+    if j < 0:
         return first
     blocked, first_cost = block_side(p, states, j, k), cost(p, states, first[0])
     ip = initialize(blocked, unconstrained, tolerance)
