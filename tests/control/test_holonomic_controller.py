@@ -266,6 +266,37 @@ def test_keep_out_zone_on_the_path_is_avoided(moving):
     assert np.allclose(pose, (2.0, 0.0, 0.0), atol=0.01)
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.001, 0.01])
+def test_plans_stay_on_one_side_of_a_zone_in_the_middle_of_the_way(offset):
+    """Both sides cost nearly the same, in another order at every sample."""
+
+    class Straight:
+        duration = 100.0
+
+        def window(self, t, n, dt):
+            rows = np.zeros((n, 6))
+            rows[:, 0], rows[:, 3] = 0.6 * (t + dt * np.arange(n)), 0.6
+            return rows
+
+    kiwi, pose, dt = named_robot("kiwi"), Pose(0.0, offset, 0.0), 0.05
+    controller = holonomic_nmpc(
+        kiwi.chassis,
+        dt,
+        actuation=Actuation.of(kiwi),
+        keep_outs=[KeepOutZone(np.array([1.2, 0.0]), 0.35)],
+        governor=False,
+    )
+    controller.reset(State(0.0, pose))
+    sides = []
+    for k in range(70):
+        command = controller.step(k * dt, State(k * dt, pose), Straight())
+        beside = controller.solution.states[np.abs(controller.solution.states[:, 0] - 1.2) < 0.1]
+        sides += np.sign(beside[np.abs(beside[:, 1]) > 0.05, 1]).tolist()
+        pose = move(pose, command.twist, dt)
+    assert len(sides) > 15
+    assert len(set(sides)) == 1
+
+
 @pytest.mark.parametrize("sense", [1.0, -1.0])
 @pytest.mark.parametrize("turns", [0.0, 2 * np.pi, -4 * np.pi])
 def test_circle_is_tracked_across_the_jump_of_the_heading(sense, turns):
