@@ -77,6 +77,19 @@ def is_late(state: Any) -> bool:
 
 
 @compiled
+def acceleration_load(faces: Float[Array, "faces 3"], vector: Vector) -> float:
+    """Return the largest component of a vector in B along the normals of the limits.
+
+    Of an acceleration, that over its limit: ``|faces @ acceleration| <= 1``.
+    """
+    load = 0.0
+    for j in range(len(faces)):
+        component = faces[j, 0] * vector[0] + faces[j, 1] * vector[1] + faces[j, 2] * vector[2]
+        load = max(load, abs(component))
+    return load
+
+
+@compiled
 def update_reached(  # noqa: PLR0917
     model: DriveModel,
     faces: Float[Array, "faces 3"],
@@ -107,7 +120,7 @@ def update_reached(  # noqa: PLR0917
         (state.twist[1] - twist[1]) / dt,
         (state.twist[2] - twist[2]) / dt,
     )
-    response, load = state.response, _load(faces, change)
+    response, load = state.response, acceleration_load(faces, change)
     share = _displacement_ratio(model, state, pose, twist, measured, dt)
     ratio, mean_load = _acceleration_ratio(model, faces, state, pose, twist, measured, dt)
     is_first, response.load = response.load <= _ONSET * load, load
@@ -219,20 +232,8 @@ def _acceleration_ratio(  # noqa: PLR0917
         demanded += model.inertia[a] * predicted[a] * predicted[a]
         response.velocity[a] = moved[a] / dt
     x, y, yaw = predicted
-    load = _load(faces, ((c * x + s * y) / dt, (c * y - s * x) / dt, yaw / dt))
+    load = acceleration_load(faces, ((c * x + s * y) / dt, (c * y - s * x) / dt, yaw / dt))
     for a in range(3):
         predicted[a] = changes[a] - accelerated[a] / dt  # by what the next sample will be faster
     ratio = reached / demanded if demanded > 0.0 else 0.0
     return (ratio, load) if isfinite(ratio + load) else (0.0, 0.0)  # of an outlier
-
-
-@compiled
-def _load(faces: Float[Array, "faces 3"], acceleration: Vector) -> float:
-    """Return the largest component of an acceleration in B over its limit."""
-    largest = 0.0
-    for j in range(len(faces)):
-        component = 0.0
-        for a in range(3):
-            component += faces[j, a] * acceleration[a]
-        largest = max(largest, abs(component))
-    return largest

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.estimation.motion.acceleration_ratio import acceleration_load
 from omnidrive.robot.slip import Vector
 
 _CELLS = 32
@@ -101,9 +102,7 @@ def _limits(
         heading = yaw - (1.0 - left) * error[2]
         c, s = np.cos(heading), np.sin(heading)
         x, y = c * error[0] + s * error[1], c * error[1] - s * error[0]
-        load, speed = 0.0, 0.0
-        for j in range(len(faces)):
-            load = max(load, abs(faces[j, 0] * x + faces[j, 1] * y + faces[j, 2] * error[2]))
+        load, speed = acceleration_load(faces, (x, y, error[2])), 0.0
         for j in range(len(wheels)):
             speed = max(speed, abs(wheels[j, 0] * x + wheels[j, 1] * y + wheels[j, 2] * error[2]))
         here = 1.0 / load

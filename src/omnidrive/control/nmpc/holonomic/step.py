@@ -24,6 +24,7 @@ from omnidrive.control.nmpc.holonomic.solution import assess
 from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constraints
 from omnidrive.control.nmpc.holonomic.stage_point import lower_bound, overwrite
 from omnidrive.estimation.motion.acceleration_ratio import (
+    acceleration_load,
     is_late,
     reached_share,
     response_ratio,
@@ -134,7 +135,7 @@ def _approach_target(
         ahead, left = arc_twist(p.dt, p.start[2], vx, vy, rate)
         share = prompt * prompt  # a gentle change is not yet a near target if it acts too late
         change = (ahead - share * twist[0], left - share * twist[1], rate - share * twist[2])
-        if _acceleration_load(robot.faces, change) <= _MAX_LQR_LOAD * share * (0.5 * p.dt + lead):
+        if acceleration_load(robot.faces, change) <= _MAX_LQR_LOAD * share * (0.5 * p.dt + lead):
             return False
     minimum_time_targets(
         p.start,
@@ -168,7 +169,7 @@ def _extrapolate_targets(robot: RobotModel, p: HolonomicProblem, last: int) -> N
         return
     x, y, rate = p.feedforward[last - 1]
     c, s = cos(p.targets[last, 2]), sin(p.targets[last, 2])
-    if _acceleration_load(robot.faces, (c * x + s * y, c * y - s * x, rate)) <= p.dt:
+    if acceleration_load(robot.faces, (c * x + s * y, c * y - s * x, rate)) <= p.dt:
         return
     for k in range(last, len(p.feedforward)):
         for a in range(3):
@@ -187,7 +188,7 @@ def _lead(robot: RobotModel, p: HolonomicProblem, twist: Vector) -> float:
     turn = p.targets[0, 2] - p.start[2]
     c, s = cos(p.start[2]), sin(p.start[2])
     error = (c * x + s * y, c * y - s * x, turn)
-    share = p.dt / _acceleration_load(robot.faces, error)
+    share = p.dt / acceleration_load(robot.faces, error)
     change = (share * error[0], share * error[1], share * turn)
     mean, final = predict_change(robot.model, change, twist, p.dt)
     by_mean, by_end = 0.0, 0.0
@@ -343,13 +344,3 @@ def _saturate(robot: RobotModel, twist: Vector) -> Vector:
         return vx, vy, rate
     factor = robot.max_wheel_speed / fastest
     return factor * vx, factor * vy, factor * rate
-
-
-@compiled
-def _acceleration_load(faces: Float[Array, "faces 3"], vector: Vector) -> float:
-    """Return the largest component of a vector along the normals of the limits."""
-    load = 0.0
-    for j in range(len(faces)):
-        component = faces[j, 0] * vector[0] + faces[j, 1] * vector[1] + faces[j, 2] * vector[2]
-        load = max(load, abs(component))
-    return load
