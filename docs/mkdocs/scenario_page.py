@@ -49,7 +49,8 @@ contains those of other installed packages as well.
 """
 TITLES = {
     "RobotSection": "Robot", "plant": "Plants", "MapSection": "Map",
-    "MovingSection": "Moving obstacles", "PathOptions": "Path", "TimingSection": "Timing",
+    "MovingSection": "Moving obstacles", "PathOptions": "Path", "CostSection": "Costs",
+    "LaneSection": "Lanes", "TimingSection": "Timing",
     "controllers": "Controllers", "reference": "References", "faults": "Faults",
     "WatchdogSection": "Watchdog", "SensorsSection": "Sensors", "EncoderSettings": "Encoders",
     "GyroSettings": "Gyro", "PoseFixSettings": "Pose fixes", "estimator": "Estimators",

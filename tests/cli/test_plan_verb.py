@@ -95,9 +95,60 @@ def test_written_motion_keeps_its_limits(capsys, room, tmp_path):
 
 
 def test_written_motion_at_top_speed_is_read_again(capsys, room, tmp_path):
-    plan(capsys, *room, "--out", tmp_path / "p.csv")
+    plan(capsys, *room, "--cost-weight", "0", "--out", tmp_path / "p.csv")
     facts = json.loads(plan(capsys, tmp_path / "p.csv", "--robot", "small", "--json"))
     assert 100.1 < facts["wheel_speed_used_percent"] <= 101.0
+
+
+def mask(folder, name, pixels, **keys):
+    """Write a mask for the map of ``room``."""
+    Image.fromarray(pixels.astype(np.uint8)).save(folder / f"{name}.pgm", format="PPM")
+    text = "\n".join(f"{key}: {value}" for key, value in keys.items())
+    (folder / f"{name}.yaml").write_text(
+        f"image: {name}.pgm\nmode: raw\nresolution: 0.05\norigin: [-1, 2, 0]\nnegate: 0\n"
+        f"occupied_thresh: 0.65\nfree_thresh: 0.25\n{text}\n"
+    )
+    return folder / f"{name}.yaml"
+
+
+def test_path_keeps_to_the_middle_and_out_of_zones(capsys, room, tmp_path):
+    near = json.loads(plan(capsys, *room, "--cost-weight", 0, "--json"))
+    far = json.loads(plan(capsys, *room, "--cost-weight", 20, "--json"))
+    assert far["clearance_m"] > 2.0 * near["clearance_m"]
+    assert far["length_m"] < 1.2 * near["length_m"]
+    pixels = np.zeros((120, 160))
+    pixels[20:40, 60:100] = 100  # in front of the passage, rows from the top
+    kept = mask(tmp_path, "keepout", pixels)
+    slow = mask(tmp_path, "speed", np.full((120, 160), 50), type=2, base=0.0, multiplier=0.01)
+    out = tmp_path / "folder"
+    plan(capsys, *room, "--keepout", kept, "--speed-mask", slow, "--out", out)
+    rows = load_waypoints(out / "reference.csv").window(0.0, 2000, 0.01)
+    x, y = rows[:, 0], rows[:, 1]
+    assert not ((x > 2.0) & (x < 4.0) & (y > 6.0) & (y < 7.0)).any()
+    assert np.hypot(rows[:, 3], rows[:, 4]).max() == pytest.approx(0.5, rel=0.03)
+    assert (out / "path.png").is_file()
+    again = json.loads(plan(capsys, out, "--json"))
+    assert again["mean_speed_m_per_s"] < 0.5
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--keepout", "none.yaml"], "none.yaml"),
+        (["--keepout", "small.yaml"], "the mask has 4 x 3 cells, the map 160 x 120"),
+        (["--speed-mask", "zero.yaml"], "a speed limit is 0 or negative"),
+        (["--speed-mask", "zero.yaml", "--timing", "uniform"], "need timing.law: limits"),
+        (["--keepout", "small.yaml", "--search", "greedy"], "the search greedy has none"),
+        (["--cost-weight", "-1"], "costs.weight"),
+        (["--cost-radius", "nan"], "costs.radius"),
+    ],
+)
+def test_bad_costs_are_refused(capsys, room, tmp_path, monkeypatch, words, message):
+    monkeypatch.chdir(tmp_path)
+    mask(tmp_path, "small", np.zeros((3, 4)))
+    mask(tmp_path, "zero", np.full((120, 160), 100))
+    with pytest.raises(OmnidriveError, match=re.escape(message)):
+        plan(capsys, *room, *words)
 
 
 def test_figure_shows_the_path(capsys, room, tmp_path):

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from omnidrive.errors import InvalidInput, InvalidReference
 from omnidrive.geometry import WorldTwist
+from omnidrive.maps import CostMap, OccupancyGrid
 from omnidrive.planning import SplinePath
 from omnidrive.reference import MotionLimits, Reference, time_within_limits
 from omnidrive.robot import Chassis, named_robot
@@ -401,3 +402,24 @@ def test_robot_stops_at_corners_of_repeated_control_points():
 def test_fixed_heading_must_be_finite():
     with pytest.raises(InvalidInput, match="finite angle"):
         time_within_limits(straight(1.0), FOUR, LIMITS, heading="fixed", yaw=nan)
+
+
+def test_zones_limit_the_speed():
+    """The mask is 10 m x 4 m, and slow from x = 4 m to 6 m; a limit holds inside, not outside."""
+    grid = OccupancyGrid(np.zeros((40, 100), bool), 0.1, (0.0, -2.0))
+    speeds = np.full((40, 100), np.inf, np.float32)
+    speeds[:, 40:60] = 0.4
+    zones = CostMap(grid, np.zeros((40, 100), np.float32), speeds)
+    path = straight(10.0)
+    free = time_within_limits(path, FOUR, LIMITS)
+    slow = time_within_limits(path, FOUR, LIMITS, zones=zones)
+    rows = slow.window(0.0, 4001, slow.duration / 4000)
+    speed, inside = np.hypot(rows[:, 3], rows[:, 4]), (rows[:, 0] > 4.0) & (rows[:, 0] < 6.0)
+    assert speed[inside].max() == pytest.approx(0.4, rel=2e-3)
+    assert speed[~inside].max() > 1.0
+    top, ramp = speed.max(), ALPHA / (10.0 * sqrt(2.0))  # m/s, m/s^2
+    lost = 2.0 * (1 / 0.4 - 1 / top) + (top - 0.4) ** 2 / (ramp * top)
+    assert slow.duration == pytest.approx(free.duration + lost, rel=2e-3)
+    assert slow.limit_usage["wheel acceleration"] <= 1.0 + 1e-6
+    none = time_within_limits(path, FOUR, LIMITS, zones=CostMap.of(grid))
+    assert none.duration == free.duration

@@ -197,7 +197,7 @@ def test_trial_that_loses_on_one_motion_of_validation_is_not_chosen(tmp_path, mo
 
 def test_equal_budget_tunes_every_controller(tmp_path):
     definition = StudyDefinition.from_scenario(scenario())
-    found = equal_budget(definition, 12, tmp_path)
+    found = equal_budget(definition, 5, tmp_path)
     before, after = (each.scenario.controllers for each in (definition, found))
     assert list(after) == list(before)
     assert after["slow"] != before["slow"]

@@ -86,6 +86,41 @@ class OptionFields:
         float | None,
         option("M", "Cell size, m, if the map file does not define it [default: 1].", PATH_PANEL),
     ] = None
+    keepout: Annotated[
+        Path | None,
+        option(
+            "FILE.yaml",
+            "Keep-out mask, a Nav2 map of the size of the map: 100 percent is not entered, less "
+            "costs up to 2 metres per metre.",
+            PATH_PANEL,
+        ),
+    ] = None
+    speed_mask: Annotated[
+        Path | None,
+        option(
+            "FILE.yaml",
+            "Speed mask, likewise, with Nav2's `type` (1: percent, 2: m/s), `base` and "
+            "`multiplier` in the file; with the timing `limits`.",
+            PATH_PANEL,
+        ),
+    ] = None
+    cost_weight: Annotated[
+        float | None,
+        option(
+            "X",
+            "Cost of a metre next to an obstacle, in metres; on a map 2, so that the path keeps to "
+            "the middle where there is room. 0: the shortest path.",
+            PATH_PANEL,
+        ),
+    ] = None
+    cost_radius: Annotated[
+        float | None,
+        option("M", "Distance up to which obstacles cause costs, m [default: 3].", PATH_PANEL),
+    ] = None
+    cost_scaling: Annotated[
+        float | None,
+        option("1/M", "Decay of the cost with the distance, 1/m [default: 1].", PATH_PANEL),
+    ] = None
     robot: Annotated[
         str | None,
         option(

@@ -18,12 +18,17 @@ from omnidrive.cli.option_fields import OptionFields
 from omnidrive.cli.options import choose_one, parse_waypoint
 from omnidrive.errors import InvalidInput
 
-_PATH_OPTIONS = ("goal", "search", "cut_corners", "smooth", "timing", "heading")
+_COST_OPTIONS = ("keepout", "speed_mask", "cost_radius", "cost_scaling", "cost_weight")
+_PATH_OPTIONS = (
+    "goal", "search", "cut_corners", "smooth", "timing", "heading", *_COST_OPTIONS
+)  # fmt: skip
 """Options for planned paths only."""
 _KEYS = {
     "search": "path.search", "cut_corners": "path.cut_corners", "smooth": "path.smooth",
     "timing": "timing.law", "heading": "timing.heading", "margin": "map.margin",
     "unknown": "map.unknown", "resolution": "map.resolution", "max_speed": "timing.max_speed",
+    "keepout": "costs.keepout", "speed_mask": "costs.speed", "cost_radius": "costs.radius",
+    "cost_scaling": "costs.scaling", "cost_weight": "costs.weight",
 }  # fmt: skip
 """Scenario key of each option that sets a single key."""
 
@@ -155,7 +160,12 @@ class ScenarioOptions(OptionFields):
             value = None if field == "heading" and of_table else getattr(self, field)
             if value is not None:
                 section, name = key.split(".")
-                data[section][name] = value
+                if data[section] is None:
+                    data[section] = {}
+                data[section][name] = str(value) if isinstance(value, Path) else value
+        asked = any(getattr(self, name) is not None for name in _COST_OPTIONS)
+        if self.search not in (None, "astar") and not asked:
+            data["costs"] = None  # only astar has costs
         return data
 
     def _base(self, preset: PresetName | None) -> scenarios.Scenario:

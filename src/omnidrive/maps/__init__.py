@@ -2,6 +2,7 @@
 
 from omnidrive.choices import Unknown
 from omnidrive.maps.ascii import load_ascii_map
+from omnidrive.maps.costs import CostMap, Inflation, Lane, load_costs
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.load import is_named_map, load_map
 from omnidrive.maps.maze import maze_map
@@ -13,11 +14,15 @@ from omnidrive.maps.queries import Query, load_queries
 from omnidrive.maps.random_maps import random_map, rooms_map, warehouse_map
 
 __all__ = [
+    "CostMap",
+    "Inflation",
+    "Lane",
     "OccupancyGrid",
     "Query",
     "Unknown",
     "is_named_map",
     "load_ascii_map",
+    "load_costs",
     "load_map",
     "load_movingai_map",
     "load_nav2_map",

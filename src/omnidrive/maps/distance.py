@@ -48,7 +48,10 @@ def column_table(
 
 @compiled
 def square_distances(
-    table: Int32[Array, "rows cols"], outside: bool, points: Float[Array, "points 2"]
+    table: Int32[Array, "rows cols"],
+    outside: bool,
+    points: Float[Array, "points 2"],
+    limit: float,
 ) -> Float[Array, " points"]:
     """Return the exact distance from each point to the square of the nearest target, in cells.
 
@@ -59,9 +62,10 @@ def square_distances(
         table: Result of :func:`column_table`.
         outside: Whether all cells outside the grid are targets; then all points must lie inside.
         points: (row, column) in cells, relative to the grid's outer corner; finite.
+        limit: Largest distance that is searched.
 
     Returns:
-        The distances, infinite if there is no target.
+        The distances, at most ``limit``.
     """
     rows, cols = table.shape
     out = np.empty(len(points))
@@ -70,7 +74,9 @@ def square_distances(
         row = int(min(max(np.floor(v), 0.0), rows - 1.0))
         left = int(min(max(np.floor(u), 0.0), cols - 1.0))
         right = left + 1
-        best = max(min(u, cols - u), 0.0) ** 2 if outside else np.inf
+        best = limit * limit
+        if outside:
+            best = min(best, max(min(u, cols - u), 0.0) ** 2)
         while True:
             to_left = _beyond(u, left) ** 2 if left >= 0 else np.inf
             to_right = _beyond(u, right) ** 2 if right < cols else np.inf

@@ -7,7 +7,7 @@ from functools import cached_property
 from math import cos, floor, hypot, sin
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Int32
+from jaxtyping import Bool, Float, Float32, Int, Int32
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
@@ -220,13 +220,29 @@ class OccupancyGrid:
         inside[finite] = self.occupied_at(points[finite])
         outside = finite & ~inside
         out[outside] = square_distances(
-            self._distances_to_occupied, self.walled, self._in_cells(points[outside])
+            self._distances_to_occupied, self.walled, self._in_cells(points[outside]), np.inf
         )
         if inside.any():
             out[inside] = -square_distances(
-                self._distances_to_free, not self.walled, self._in_cells(points[inside])
+                self._distances_to_free, not self.walled, self._in_cells(points[inside]), np.inf
             )
         return out * self.resolution
+
+    def centre_distances(self, limit: float) -> Float32[Array, "rows cols"]:
+        """Return the distance in m from the centre of each cell to the nearest obstacle.
+
+        It is at most ``limit`` (m), and 0 in an obstacle.
+        """
+        rows, cols = self.occupied.shape
+        distances = np.empty((rows, cols), np.float32)
+        centres = np.column_stack([np.zeros(cols), np.arange(cols) + 0.5])
+        reach = limit / self.resolution
+        for row in range(rows):
+            centres[:, 0] = row + 0.5
+            distances[row] = square_distances(
+                self._distances_to_occupied, self.walled, centres, reach
+            )
+        return distances * np.float32(self.resolution)
 
     def nearest_free(self, x: float, y: float) -> tuple[tuple[int, int], float] | None:
         """Return the free cell whose centre is nearest to a point in W, and the distance in m.

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from math import isfinite, nan
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import yaml
-from jaxtyping import UInt8
+from jaxtyping import Bool, Float32, UInt8
 from PIL import Image
 
 from omnidrive.arrays import Array
@@ -22,10 +22,16 @@ from omnidrive.maps.image import read_image
 from omnidrive.maps.kinds import FREE, OCCUPIED, UNKNOWN, check_unknown, occupied
 from omnidrive.maps.map_file import check_resolution
 
+FILTER_KEYS = ("type", "base", "multiplier")
+"""Keys of Nav2's costmap filters, which may stand beside those of a mask's map."""
+
 Mode = Literal["trinary", "scale", "raw"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 
-_KEYS = ("image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+_KEYS = (
+    "image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh",
+    *FILTER_KEYS,
+)  # fmt: skip
 _TYPICAL = {
     "resolution": ", the side of a cell in m",
     "free_thresh": ", usually 0.25",
@@ -58,6 +64,62 @@ def load_nav2_map(path: StrPath, *, unknown: Unknown = "occupied") -> OccupancyG
             50 million cells, or the resolution is out of range.
     """
     check_unknown(unknown)
+    file = _read(path)
+    kinds = kinds_of_greys(
+        file.mode, negate=file.negate, free_thresh=file.free, occupied_thresh=file.occupied
+    )[file.grey]
+    if file.opaque is not None and file.mode != "raw":
+        kinds[~file.opaque] = UNKNOWN
+    return file.grid(occupied(kinds[::-1], unknown))
+
+
+def load_nav2_grades(path: StrPath) -> tuple[OccupancyGrid, Float32[Array, "rows cols"]]:
+    """Read the graded occupancies of a Nav2 map, such as a filter mask or a saved costmap.
+
+    Args:
+        path: The YAML file, as for :func:`load_nav2_map`, and of every mode. With ``trinary``,
+            occupancies are 0 or 100 percent.
+
+    Returns:
+        A grid without obstacles in the frame of the map, and the occupancy of each of its cells in
+        percent, 0 to 100; NaN where it is unknown.
+
+    Raises:
+        InvalidMap: As for :func:`load_nav2_map`.
+    """
+    file = _read(path)
+    grades = grades_of_greys(
+        file.mode, negate=file.negate, free_thresh=file.free, occupied_thresh=file.occupied
+    )[file.grey]
+    if file.opaque is not None and file.mode != "raw":
+        grades[~file.opaque] = nan
+    return file.grid(np.zeros(grades.shape, bool)), np.ascontiguousarray(grades[::-1])
+
+
+class _Nav2File(NamedTuple):
+    """Content of the files of a map."""
+
+    name: str
+    mode: Mode
+    negate: bool
+    free: float
+    occupied: float
+    resolution: float
+    origin: tuple[float, float, float]
+    grey: UInt8[Array, "rows cols"]
+    opaque: Bool[Array, "rows cols"] | None
+
+    def grid(self, mask: Bool[Array, "rows cols"]) -> OccupancyGrid:
+        """Return a grid in the frame of the map."""
+        x, y, yaw = self.origin
+        try:
+            return OccupancyGrid(mask, self.resolution, (x, y), yaw=yaw)
+        except InvalidMap as error:
+            raise InvalidMap(f"{self.name}: {error}") from None
+
+
+def _read(path: StrPath) -> _Nav2File:
+    """Read the YAML file and its image."""
     path = to_path(path)
     name = one_line(str(path))
     meta = read_yaml(path, "map", InvalidMap)
@@ -73,22 +135,15 @@ def load_nav2_map(path: StrPath, *, unknown: Unknown = "occupied") -> OccupancyG
     resolution = _number(name, meta, "resolution")
     check_resolution(resolution, name)
     mode = _mode(name, meta)
-    table = _kinds_of_greys(name, meta, mode)
-    x, y, yaw = _origin(name, meta)
+    free, occupied, negate = _thresholds(name, meta)
+    origin = _origin(name, meta)
     if not isinstance(meta.get("image"), str):
         raise InvalidMap(f"{name} does not set 'image', the file name of the map's image")
     try:
         grey, opaque = read_image(path.parent / meta["image"])
     except InvalidMap as error:
         raise InvalidMap(f"{name}: {error}") from None
-    kinds = table[grey]
-    if opaque is not None and mode != "raw":
-        kinds[~opaque] = UNKNOWN
-    mask = occupied(kinds[::-1], unknown)
-    try:
-        return OccupancyGrid(mask, resolution, (x, y), yaw=yaw)
-    except InvalidMap as error:
-        raise InvalidMap(f"{name}: {error}") from None
+    return _Nav2File(name, mode, negate, free, occupied, resolution, origin, grey, opaque)
 
 
 def _mode(name: str, meta: dict[Any, Any]) -> Mode:
@@ -100,8 +155,8 @@ def _mode(name: str, meta: dict[Any, Any]) -> Mode:
     raise InvalidMap(f"{name}: mode {short_repr(given)} is not one of {', '.join(MODES)}")
 
 
-def _kinds_of_greys(name: str, meta: dict[Any, Any], mode: Mode) -> UInt8[Array, " 256"]:
-    """Return the kind of a cell for each grey value of its pixel, 0 to 255."""
+def _thresholds(name: str, meta: dict[Any, Any]) -> tuple[float, float, bool]:
+    """Return the thresholds of free and occupied cells, and whether the image is negated."""
     free = _number(name, meta, "free_thresh")
     occupied = _number(name, meta, "occupied_thresh")
     if not 0.0 <= free < occupied <= 1.0:
@@ -109,8 +164,7 @@ def _kinds_of_greys(name: str, meta: dict[Any, Any], mode: Mode) -> UInt8[Array,
             f"{name}: free_thresh ({free:g}) must be below occupied_thresh ({occupied:g}), "
             "both from 0 to 1"
         )
-    negate = _number(name, meta, "negate", default=0.0) != 0.0
-    return kinds_of_greys(mode, negate=negate, free_thresh=free, occupied_thresh=occupied)
+    return free, occupied, _number(name, meta, "negate", default=0.0) != 0.0
 
 
 def kinds_of_greys(
@@ -137,6 +191,32 @@ def kinds_of_greys(
         is_free |= grade < 0.5
         is_occupied |= grade >= 99.5
     return np.where(is_free, FREE, np.where(is_occupied, OCCUPIED, UNKNOWN)).astype(np.uint8)
+
+
+def grades_of_greys(
+    mode: Mode, *, negate: bool, free_thresh: float, occupied_thresh: float
+) -> Float32[Array, " 256"]:
+    """Return the occupancy in percent for each grey value of an opaque pixel, NaN if unknown.
+
+    In the mode ``scale`` occupancies between the thresholds have grades from 0 to 100, rounded; in
+    the mode ``raw`` the grey value is the grade; see :func:`load_nav2_map`.
+    """
+    greys = np.arange(256, dtype=np.float32)
+    if mode == "raw":
+        return np.where(greys <= _MAX_RAW, greys, np.float32(nan))
+    kinds = kinds_of_greys(
+        mode, negate=negate, free_thresh=free_thresh, occupied_thresh=occupied_thresh
+    )
+    shade = greys / np.float32(255.0)
+    occupancy = shade if negate else np.float32(1.0) - shade
+    span = np.float32(occupied_thresh - free_thresh)
+    between = np.float32(nan)
+    if mode == "scale":
+        grade = (occupancy - np.float32(free_thresh)) / span * np.float32(100.0)
+        between = np.floor(grade + np.float32(0.5))
+    return np.where(kinds == FREE, 0.0, np.where(kinds == OCCUPIED, 100.0, between)).astype(
+        np.float32
+    )
 
 
 def save_nav2_map(grid: OccupancyGrid, path: StrPath) -> None:

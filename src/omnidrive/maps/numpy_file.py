@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import prod
 from os import fstat
 from typing import BinaryIO
 
 import numpy as np
-from jaxtyping import Shaped, UInt8
+from jaxtyping import Float32, Shaped, UInt8
 from numpy.lib import format as npy
 
 from omnidrive.arrays import Array
@@ -45,15 +46,38 @@ def load_numpy_map(
             resolution is out of range.
     """
     check_unknown(unknown)
+    check_resolution(resolution, one_line(str(to_path(path))))
+    return OccupancyGrid(occupied(_read(path, "map", _kind_of, np.uint8), unknown), resolution)
+
+
+def load_numbers(path: StrPath) -> Float32[Array, "rows cols"]:
+    """Read a two-dimensional array of numbers in single precision.
+
+    Raises:
+        InvalidMap: The file is missing, malformed or has more than 50 million elements.
+    """
+    return _read(path, "array", _single, np.float32)
+
+
+def _read(
+    path: StrPath, kind: str, convert: Callable[[np.ndarray], np.ndarray], dtype: type
+) -> np.ndarray:
+    """Return the elements of an array after a conversion to ``dtype``, block by block."""
     path = to_path(path)
     name = one_line(str(path))
-    check_resolution(resolution, name)
-    with open_file(path, "map", InvalidMap) as file:
-        shape, columns_first, dtype = _header(file, name)
-        _check_length(fstat(file.fileno()).st_size - file.tell(), shape, dtype, name)
-        kinds = _kinds(file, prod(shape), dtype, name)
-    rows = kinds.reshape(shape[::-1]).T if columns_first else kinds.reshape(shape)
-    return OccupancyGrid(occupied(rows, unknown), resolution)
+    with open_file(path, kind, InvalidMap) as file:
+        shape, columns_first, stored = _header(file, name)
+        _check_length(fstat(file.fileno()).st_size - file.tell(), shape, stored, name)
+        count = prod(shape)
+        found: np.ndarray = np.empty(count, dtype)
+        for start in range(0, count, _BLOCK):
+            size = min(_BLOCK, count - start)
+            content = file.read(size * stored.itemsize)
+            if len(content) < size * stored.itemsize:
+                raise InvalidMap(f"{name} is truncated")
+            found[start : start + size] = convert(np.frombuffer(content, stored))
+    rows = found.reshape(shape[::-1]).T if columns_first else found.reshape(shape)
+    return np.ascontiguousarray(rows)
 
 
 def _header(file: BinaryIO, name: str) -> tuple[tuple[int, int], bool, np.dtype]:
@@ -89,19 +113,13 @@ def _check_length(size: int, shape: tuple[int, int], dtype: np.dtype, name: str)
         )
 
 
-def _kinds(file: BinaryIO, count: int, dtype: np.dtype, name: str) -> UInt8[Array, " cells"]:
-    """Return the kind of every cell, read block by block."""
-    kinds = np.empty(count, np.uint8)
-    for start in range(0, count, _BLOCK):
-        size = min(_BLOCK, count - start)
-        content = file.read(size * dtype.itemsize)
-        if len(content) < size * dtype.itemsize:
-            raise InvalidMap(f"{name} is truncated")
-        kinds[start : start + size] = _kind_of(np.frombuffer(content, dtype))
-    return kinds
-
-
 def _kind_of(values: Shaped[Array, " cells"]) -> UInt8[Array, " cells"]:
     """Return the kind of each number; NaN is unknown, because NaN >= 0 is false."""
     known = values >= 0
     return np.where(known, np.where(values == 0, FREE, OCCUPIED), UNKNOWN).astype(np.uint8)
+
+
+def _single(values: Shaped[Array, " cells"]) -> Float32[Array, " cells"]:
+    """Return numbers in single precision; those beyond its range are infinite."""
+    with np.errstate(over="ignore"):
+        return values.astype(np.float32)

@@ -2,7 +2,8 @@
 
 from omnidrive.choices import HeuristicName, MethodName, SmoothingName
 from omnidrive.planning.path import Path, SplinePath
-from omnidrive.planning.plan import PathOptions, Plan, Waypoint, plan
+from omnidrive.planning.plan import PathOptions, Plan, Waypoint
+from omnidrive.planning.planner import Planner, plan
 from omnidrive.planning.search import GridSearch, SearchResult, search
 from omnidrive.planning.smoothing import SmoothedPath, smooth
 
@@ -13,6 +14,7 @@ __all__ = [
     "Path",
     "PathOptions",
     "Plan",
+    "Planner",
     "SearchResult",
     "SmoothedPath",
     "SmoothingName",

@@ -9,6 +9,7 @@ import numpy as np
 from omnidrive.choices import Heading
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import WorldTwist, wrap
+from omnidrive.maps import CostMap
 from omnidrive.parameter import check_choice
 from omnidrive.planning import SplinePath
 from omnidrive.reference.free_heading import free_heading
@@ -36,6 +37,7 @@ def time_within_limits(
     goal_yaw: float | None = None,
     duration: float | None = None,
     start_twist: WorldTwist | None = None,
+    zones: CostMap | None = None,
 ) -> TimedReference:
     """Return the fastest motion along ``path`` within ``limits``, from rest to rest.
 
@@ -50,6 +52,7 @@ def time_within_limits(
         goal_yaw: Heading at the goal, likewise.
         duration: Duration to which the whole motion is slowed, in s; None: the shortest.
         start_twist: Twist in W at the start, along the path; m/s, m/s, rad/s. None: rest.
+        zones: Map whose ``max_speed`` also limits the speed of the origin of B.
 
     Raises:
         InvalidInput: A limit or a heading is outside its domain, or its kind is unknown.
@@ -69,7 +72,8 @@ def time_within_limits(
         yaw = goal_yaw if start_yaw is None else start_yaw
     pieces = PiecewisePath.of(path, kind, yaw)
     _check_ends(pieces, heading, (start_yaw, goal_yaw))
-    reference = time_optimal_reference(pieces, rows, _start_speed(pieces, start_twist))
+    zone_speeds = None if zones is None or zones.max_speed is None else zones.max_speeds
+    reference = time_optimal_reference(pieces, rows, _start_speed(pieces, start_twist), zone_speeds)
     if duration is not None:
         reference = reference.with_duration(duration)
     if start_twist is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import ceil, log2
 
 import numpy as np
@@ -17,6 +18,9 @@ from omnidrive.reference.timed_reference import TimedReference
 _SHARES = (0.0, 0.5, 1.0)
 """Collocation points of an interval: the limits hold there by construction."""
 
+_ZONE_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Points of an interval at which its zones are determined."""
+
 _FIRST_NODES, _MAX_NODES = 400, 20_000
 """Intervals of the first and of the finest grid. Each piece has at least 4 intervals, or 2 on a
 path of more than :data:`_LONG` pieces."""
@@ -31,8 +35,15 @@ _TRIES = 3
 """Largest number of times that limits are tightened."""
 
 
+ZoneSpeeds = Callable[[Float[Array, "points 2"]], Float[Array, " points"]]
+"""Largest speed, m/s, at points (x, y) in W, m."""
+
+
 def time_optimal_reference(
-    path: PiecewisePath, limits: tuple[LimitRows, ...], start_speed: float = 0.0
+    path: PiecewisePath,
+    limits: tuple[LimitRows, ...],
+    start_speed: float = 0.0,
+    zone_speeds: ZoneSpeeds | None = None,
 ) -> TimedReference:
     """Return the fastest motion along ``path`` within ``limits`` that ends at rest.
 
@@ -42,34 +53,38 @@ def time_optimal_reference(
     The time lost to the grid decreases with its width, so that the durations on two grids give the
     width required. Limits that are violated between the collocation points, for example next to a
     corner, are tightened. A remaining violation is removed by slowing the whole motion.
+
+    In each interval ``zone_speeds`` limits the speed of the origin of B to the least of its values
+    there.
     """
     pieces = len(path.pieces)
     maximum = max(4 if pieces <= _LONG else 2, _MAX_NODES // pieces)
     per_piece = min(max(2, -(-_FIRST_NODES // pieces)), maximum)
     if 2 * per_piece < maximum:
-        coarse = _on_grid(path, limits, per_piece, start_speed)
-        fine = _on_grid(path, limits, 2 * per_piece, start_speed)
+        coarse = _on_grid(path, limits, per_piece, start_speed, zone_speeds)
+        fine = _on_grid(path, limits, 2 * per_piece, start_speed, zone_speeds)
         gain = abs(coarse.duration / fine.duration - 1.0)
         per_piece = min(per_piece * 2 ** max(1, ceil(log2(2.0 * gain / _GAIN + 1e-9))), maximum)
     else:
         per_piece = maximum
     factors = np.ones(per_piece * pieces)
-    reference = _on_grid(path, limits, per_piece, start_speed)
+    reference = _on_grid(path, limits, per_piece, start_speed, zone_speeds)
     for _ in range(_TRIES):
         usage = _peak_usage(reference)
         if usage.max() <= 1.0 + _EXCESS:
             break
         factors *= np.maximum(usage, 1.0)
-        reference = _on_grid(path, limits, per_piece, start_speed, factors)
+        reference = _on_grid(path, limits, per_piece, start_speed, zone_speeds, factors)
     usage = _peak_usage(reference).max()
     return reference.with_duration(reference.duration * usage**0.5) if usage > 1.0 else reference
 
 
-def _on_grid(
+def _on_grid(  # noqa: PLR0917
     path: PiecewisePath,
     limits: tuple[LimitRows, ...],
     per_piece: int,
     start_speed: float,
+    zone_speeds: ZoneSpeeds | None,
     factors: Float[Array, " intervals"] | None = None,
 ) -> TimedReference:
     """Return the fastest motion whose path acceleration is constant on each interval.
@@ -79,9 +94,13 @@ def _on_grid(
         limits: Limits of the motion.
         per_piece: Number of intervals on each piece.
         start_speed: Largest ds/dt at the start, 1/s.
+        zone_speeds: Largest speed of the origin of B at points in W; None: no zones.
         factors: Divisor of the limits in each interval; speed limits are divided by its root.
     """
     a, b, still = interval_rows(path, limits, per_piece)
+    if zone_speeds is not None:
+        zone_a, zone_b = _zone_rows(path, zone_speeds, per_piece)
+        a, b = np.hstack([a, zone_a]), np.hstack([b, zone_b])
     # where nothing moves (three equal control points) no row bounds x; this value does
     scale = np.abs(a).max(axis=1)
     top = 1e6 * float(np.median(2.0 * len(path.pieces) / scale[scale > 0.0]))
@@ -96,6 +115,18 @@ def _on_grid(
             "the limits differ by too many orders of magnitude to time this path: check their units"
         )
     return reference
+
+
+def _zone_rows(
+    path: PiecewisePath, zone_speeds: ZoneSpeeds, per_piece: int
+) -> tuple[Float[Array, "intervals 3"], Float[Array, "intervals 3"]]:
+    """Return the limits of the zones as rows of :func:`interval_rows`."""
+    piece, part = np.divmod(np.arange(len(path.pieces) * per_piece), per_piece)
+    at = [path.at(piece, (part + share) / per_piece) for share in _ZONE_SHARES]
+    least = np.min([zone_speeds(points.poses[:, :2]) for points in at], axis=0)
+    squares = [(p.first_derivatives[:, :2] ** 2).sum(axis=1) for p in at[:: len(at) // 2]]
+    across = np.stack(squares, axis=1) / least[:, None] ** 2
+    return across * (2.0 * np.array(_SHARES) / per_piece), across
 
 
 def _peak_usage(reference: TimedReference) -> Float[Array, " intervals"]:

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import Pose
-from omnidrive.maps import OccupancyGrid, load_map, paper_map, paper_wall
+from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import Plan, SplinePath, plan
 from omnidrive.reference import (
     LimitRows,
@@ -33,12 +33,10 @@ from omnidrive.reference import (
     time_within_limits,
 )
 from omnidrive.robot import Robot
+from omnidrive.scenario.grids import costs_of, grids_of, inflation_of, open_floor
 from omnidrive.scenario.scenario import Scenario
-from omnidrive.scenario.sections import MapSection, robot_of
+from omnidrive.scenario.sections import robot_of
 from omnidrive.simulation.disturbances import Schedule
-
-_FLOOR_CELLS = 200
-"""Largest number of cells of an open floor along x and y; the plants do not use them."""
 
 _EXCESS = 0.011
 """Tolerated relative excess of a limit: written motions keep their limits within 1 %."""
@@ -213,8 +211,8 @@ def plan_scenario(scenario: Scenario) -> PlannedScenario:
         return _with_reference(scenario, robot, true_robot)
     assert scenario.start is not None
     assert scenario.goal is not None
-    obstacles, grid = _grids(scenario.map)
-    inflation, inflation_note = _inflation(scenario.map, grid, robot)
+    obstacles, grid = grids_of(scenario.map)
+    inflation, inflation_note = inflation_of(scenario.map, grid, robot)
     plan_ = plan(
         grid,
         scenario.start,
@@ -222,7 +220,9 @@ def plan_scenario(scenario: Scenario) -> PlannedScenario:
         inflation=inflation,
         options=scenario.path,
         inflation_note=inflation_note,
-        min_inflation=_inflation(scenario.map.model_copy(update={"margin": 0.0}), grid, robot)[0],
+        min_inflation=inflation_of(scenario.map.model_copy(update={"margin": 0.0}), grid, robot)[0],
+        costs=costs_of(scenario.costs, grid, robot, scenario.timing.max_speed),
+        around_obstacles=None if scenario.costs is None else scenario.costs.around_obstacles,
     )
     path, fastest, note = _timed(scenario, robot, plan_)
     return PlannedScenario(
@@ -239,11 +239,11 @@ def _with_reference(scenario: Scenario, robot: Robot, true_robot: Robot) -> Plan
     motion = slowed_to(_checked_motion(scenario.reference.type, made), top)
     path = ReferencePath.of(motion)
     if scenario.map.source == "none":
-        obstacles = grid = _open_floor(path, robot)
+        obstacles = grid = open_floor(path, robot)
         free_space = grid
     else:
-        obstacles, grid = _grids(scenario.map)
-        free_space = grid.inflated(_inflation(scenario.map, grid, robot)[0])
+        obstacles, grid = grids_of(scenario.map)
+        free_space = grid.inflated(inflation_of(scenario.map, grid, robot)[0])
     return PlannedScenario(scenario, robot, true_robot, obstacles, free_space, None, path, motion)
 
 
@@ -264,42 +264,6 @@ def _checked_motion(name: str, motion: object) -> Reference:
             f"window(t, n, dt), got an array of shape {np.shape(rows)}"
         )
     return motion
-
-
-def _grids(section: MapSection) -> tuple[OccupancyGrid, OccupancyGrid]:
-    """Return the map of the obstacles, and that for planning."""
-    if section.source == "paper":
-        return paper_wall(), paper_map()
-    grid = load_map(section.source, resolution=section.resolution, unknown=section.unknown)
-    return grid, grid
-
-
-def _inflation(section: MapSection, grid: OccupancyGrid, robot: Robot) -> tuple[float, str]:
-    """Return the distance of the robot's centre from obstacles, m, and a note on its parts.
-
-    It holds for cell centres; a point of a cell is half a diagonal from its centre.
-    """
-    if section.source == "paper":
-        return section.margin, "the margin; the paper's map contains that of the robot"
-    half_diagonal = grid.resolution * 0.5**0.5
-    inflation = robot.body_radius + max(section.margin, half_diagonal)
-    body = f"the body radius of {robot.body_radius:g} m"
-    if half_diagonal <= section.margin:
-        return inflation, f"{body} and the margin of {section.margin:g} m"
-    return inflation, (
-        f"{body} and half a cell diagonal, {half_diagonal:.3g} m, which is larger than the margin "
-        f"of {section.margin:g} m"
-    )
-
-
-def _open_floor(path: ReferencePath, robot: Robot) -> OccupancyGrid:
-    """Return a map without obstacles around a path, for pictures."""
-    around = 2.0 * robot.body_radius + 0.5
-    low, high = path.samples[:, :2].min(axis=0) - around, path.samples[:, :2].max(axis=0) + around
-    cell = max(0.05, float((high - low).max()) / _FLOOR_CELLS)
-    cols, rows = np.ceil((high - low) / cell).astype(int).tolist()
-    x, y = low.tolist()
-    return OccupancyGrid(np.zeros((rows, cols), dtype=bool), cell, (x, y), walled=False)
 
 
 def _motion_limits(scenario: Scenario, robot: Robot) -> MotionLimits:
@@ -338,6 +302,7 @@ def _timed(
         heading=timing.heading,
         start_yaw=scenario.start.yaw,
         goal_yaw=scenario.goal.yaw,
+        zones=plan_.costs,
     )
     return plan_.spline, reference, ""
 

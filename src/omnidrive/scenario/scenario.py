@@ -20,6 +20,7 @@ from omnidrive.errors import InvalidInput, OmnidriveError
 from omnidrive.parameter import Bounds
 from omnidrive.planning import PathOptions, Waypoint
 from omnidrive.scenario.controller_labels import by_label
+from omnidrive.scenario.cost_section import CostSection
 from omnidrive.scenario.section import Section
 from omnidrive.scenario.sections import (
     MapSection,
@@ -100,6 +101,8 @@ class Scenario(Section):
     other references."""
     path: PathOptions = PathOptions()
     """Options of search and smoothing, for a planned path."""
+    costs: CostSection | None = None
+    """Costs of a planned path, with keep-out and speed zones. None: the shortest path."""
     timing: TimingSection = TimingSection()
     """Timing of a planned path, and limits of speed and acceleration of every motion."""
     controllers: Annotated[
@@ -199,6 +202,19 @@ class Scenario(Section):
                 f"map.moving: the plant {self.plant.type} has no obstacles; use "
                 f"{_plants_with('collides')}"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _check_costs(self) -> Scenario:
+        if self.costs is None:
+            return self
+        if self.path.search != "astar":
+            raise ValueError(
+                f"costs: the search {self.path.search} has none; use path.search: astar, or leave "
+                "out costs"
+            )
+        if self.costs.speed is not None and self.timing.law != "limits":
+            raise ValueError("costs.speed: speed zones need timing.law: limits")
         return self
 
     @model_validator(mode="after")
@@ -305,6 +321,7 @@ def map_scenario(
             "start": start,
             "goal": goal,
             "path": PathOptions(),
+            "costs": CostSection(),
             "timing": TimingSection(law="limits"),
         }
     )

@@ -68,6 +68,10 @@ def load_scenario(path: StrPath, *, allow_code: bool | CodePermission = False) -
     if scenario.map.is_file:
         source = _relative_to(path, scenario.map.source, "map.source")
         changes["map"] = scenario.map.model_copy(update={"source": source})
+    if scenario.costs is not None:
+        files = {key: getattr(scenario.costs, key) for key in ("keepout", "speed", "costs")}
+        moved = {k: _relative_to(path, f, f"costs.{k}") for k, f in files.items() if f is not None}
+        changes["costs"] = scenario.costs.model_copy(update=moved)
     reference = scenario.reference
     if reference != "path" and reference.type == WAYPOINTS:
         file = _relative_to(path, reference.values["file"], "reference.file")

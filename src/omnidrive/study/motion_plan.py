@@ -21,6 +21,7 @@ from omnidrive.scenario.planned_scenario import PlannedScenario
 from omnidrive.study.output_paths import check_figure_name, is_waypoint_file
 
 _SAMPLES = 2001
+_CORNERS = 41  # of a circle around the robot
 
 
 class Fact(NamedTuple):
@@ -114,12 +115,16 @@ def save_figure(planned: PlannedScenario, reference: Reference, path: StrPath) -
     path = to_path(path)
     check_figure_name(path)
     times = np.linspace(0.0, reference.duration, _SAMPLES)
+    angles = np.linspace(0.0, 2.0 * np.pi, _CORNERS)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
     figure = plan_figure(
         planned.obstacles,
         planned.free_space,
         planned.plan.grid_path if planned.plan else None,
         times,
         _window(reference),
+        costs=planned.plan.costs if planned.plan else None,
+        outline=planned.robot.body_radius * circle,
     )
     save(figure, path)
 

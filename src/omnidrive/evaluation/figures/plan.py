@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import ceil
 
+import matplotlib
 import numpy as np
 from jaxtyping import Float, UInt8
 from matplotlib.axes import Axes
@@ -17,11 +18,12 @@ from omnidrive.evaluation.figures.style import (
     DPI,
     MUTED,
     PAGE,
+    RED,
     figure_style,
     legend_above,
     new_figure,
 )
-from omnidrive.maps import OccupancyGrid
+from omnidrive.maps import CostMap, OccupancyGrid
 from omnidrive.planning import Path, SplinePath
 
 _ARROWS = 24  # headings along the path, at equal time intervals
@@ -40,6 +42,9 @@ def plan_figure(
     grid_path: Path | None,
     times: Float[Array, " times"],
     motion: Float[Array, "times 6"],
+    *,
+    costs: CostMap | None = None,
+    outline: Float[Array, "corners 2"] | None = None,
 ) -> Figure:
     """Draw map, grid path, smooth path and headings, and below them the speeds over time.
 
@@ -49,12 +54,22 @@ def plan_figure(
         grid_path: Cells of the searched path.
         times: Times, s.
         motion: Setpoints at these times; columns as in :class:`~omnidrive.reference.Reference`.
+        costs: Costs and speed zones, drawn under the path.
+        outline: Corners (x, y) of the robot's body in B, m, drawn along the path.
     """
     with figure_style():
         figure, above, below = _panels(grid)
         draw_map(above, grid, free_space, grid_path)
+        if costs is not None:
+            _draw_costs(above, costs)
+        if outline is not None:
+            _draw_outlines(above, motion[:, :3], outline)
         _draw_path(above, motion[:, :3])
         _draw_speeds(below, times, motion)
+        if costs is not None and costs.max_speed is not None:
+            limits = costs.max_speeds(motion[:, :2])
+            limits[np.isinf(limits)] = np.nan
+            below.plot(times, limits, color=RED, lw=1.0, ls="--", label="Limit of the zone")
         legend_above(figure, above)
     return figure
 
@@ -103,6 +118,44 @@ def _draw_path(axes: Axes, poses: Float[Array, "points 3"]) -> None:
     x, y, yaw = poses[np.linspace(0, len(poses) - 1, _ARROWS).astype(int)].T
     axes.quiver(x, y, np.cos(yaw), np.sin(yaw), color=BLUE, width=0.0035, scale=32,
                 zorder=4, label="Heading")  # fmt: skip
+
+
+def _draw_outlines(
+    axes: Axes, poses: Float[Array, "points 3"], outline: Float[Array, "corners 2"]
+) -> None:
+    """Draw the robot's body at equal time intervals."""
+    for x, y, yaw in poses[np.linspace(0, len(poses) - 1, _ARROWS).astype(int)]:
+        turn = np.array([(np.cos(yaw), np.sin(yaw)), (-np.sin(yaw), np.cos(yaw))])
+        corners = outline @ turn + (x, y)
+        axes.fill(*corners.T, fill=False, ec=MUTED, lw=0.5, zorder=3)
+
+
+def _draw_costs(axes: Axes, costs: CostMap) -> None:
+    """Draw the costs of free cells in yellow to red, and the speed zones hatched in blue."""
+    grid = costs.grid
+    k = _cells_per_pixel(axes, grid, grid.extent)
+    rows, cols = grid.occupied.shape
+    top = float(costs.costs[~grid.occupied].max(initial=0.0))
+    size = np.array([cols, rows]) * grid.resolution
+    place = Affine2D().rotate(grid.yaw).translate(*grid.origin) + axes.transData
+    box = (0.0, size[0], 0.0, size[1])
+    if top > 0.0:
+        shown = np.where(grid.occupied, np.nan, costs.costs)[::k, ::k]
+        alpha = 0.4 * np.nan_to_num(shown, nan=0.0) / top
+        axes.imshow(shown, cmap="YlOrRd", vmin=0.0, vmax=top, alpha=np.clip(alpha, 0.0, 1.0),
+                    extent=box, transform=place, origin="lower", interpolation="nearest",
+                    zorder=0.5)  # fmt: skip
+    if costs.max_speed is not None and np.isfinite(costs.max_speed).any():
+        zone = np.isfinite(costs.max_speed[::k, ::k]).astype(float)
+        across = (np.arange(zone.shape[1]) + 0.5) * size[0] / zone.shape[1]
+        along = (np.arange(zone.shape[0]) + 0.5) * size[1] / zone.shape[0]
+        points = grid.points_of(
+            np.stack(np.meshgrid(along, across, indexing="ij"), -1).reshape(-1, 2) / grid.resolution
+        )
+        x, y = points.T.reshape(2, *zone.shape)
+        with matplotlib.rc_context({"hatch.color": BLUE, "hatch.linewidth": 0.3}):
+            axes.contourf(x, y, zone, levels=[0.5, 1.5], colors="none", hatches=["//"], zorder=0.6)
+        axes.contour(x, y, zone, levels=[0.5], colors=BLUE, linewidths=0.8, zorder=0.6)
 
 
 def _second_axis(axes: Axes, label: str) -> Axes:

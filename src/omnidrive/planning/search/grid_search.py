@@ -7,22 +7,24 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from operator import index
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Int32, UInt8
+from jaxtyping import Int32, UInt8, UInt16
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
-from omnidrive.maps import OccupancyGrid
+from omnidrive.maps import CostMap, OccupancyGrid
 from omnidrive.parameter import check_choice
 from omnidrive.planning.search.astar import astar
 from omnidrive.planning.search.bitgrid import BitGrid, Cell
+from omnidrive.planning.search.cost_astar import DIRECTIONS, UNIT, cost_astar
 from omnidrive.planning.search.greedy import greedy
-from omnidrive.planning.search.heuristics import HEURISTICS, Heuristic
+from omnidrive.planning.search.heuristics import HEURISTICS, STRAIGHT, Heuristic
 from omnidrive.planning.search.jump_grid import JumpGrid
 from omnidrive.planning.search.jump_point import jump_point
 from omnidrive.planning.search.lazy_theta import lazy_theta
-from omnidrive.planning.search.moves import pruned_moves
+from omnidrive.planning.search.moves import START_MOVE, pruned_moves
 from omnidrive.planning.search.result import SearchResult, path_length
 
 _ROUNDING = 1e-9  # cells; of the length of a path
@@ -32,8 +34,14 @@ def _row_and_column(row: int, col: int) -> str:
     return f"row {row}, column {col}"
 
 
-SearchOutput = tuple[Int32[Array, " cells"], int]
-"""Bit indices of the path's cells, empty if there is no path, and the number of expansions."""
+class SearchOutput(NamedTuple):
+    """Output of a method."""
+
+    indices: Int32[Array, " cells"]
+    """Bit indices of the path's cells, empty if there is no path."""
+    expansions: int
+    cost: float | None = None
+    """Cost in cell widths; None: the length."""
 
 
 def search(
@@ -45,6 +53,7 @@ def search(
     heuristic: str | None = None,
     neighbours: int = 8,
     cut_corners: bool = False,
+    costs: CostMap | None = None,
 ) -> SearchResult:
     """Find a path from ``start`` to ``goal`` over free cells.
 
@@ -81,16 +90,17 @@ def search(
         cut_corners: Allow a diagonal move past an occupied cell, and between two. Paths are
             slightly shorter, but touch obstacles: a robot with an extent collides, and a smooth
             curve along the path may enter an obstacle.
+        costs: Costs of the cells, with the frame of ``grid``: the path has the least cost of all,
+            exactly, with costs rounded to 1/256. Only for ``astar``.
 
     Raises:
         InvalidInput: The method or heuristic is unknown, or the method does not support the
-            neighbours or corner cutting.
+            neighbours, corner cutting or costs, or ``costs`` have another size than the grid.
         InvalidWaypoint: Start or goal is occupied or outside the grid.
         NoPathFound: There is no path.
     """
-    return GridSearch(grid, neighbours=neighbours, cut_corners=cut_corners).search(
-        start, goal, method=method, heuristic=heuristic
-    )
+    searcher = GridSearch(grid, neighbours=neighbours, cut_corners=cut_corners, costs=costs)
+    return searcher.search(start, goal, method=method, heuristic=heuristic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,17 +112,25 @@ class GridSearch:
         neighbours: 8, or 4 for no diagonal moves.
         cut_corners: Allow a diagonal move past an occupied cell.
         cell_text: Text for the cell of a row and a column in messages.
+        costs: Costs of the cells; None: none.
 
     Raises:
-        InvalidInput: ``neighbours`` is neither 8 nor 4.
+        InvalidInput: ``neighbours`` is neither 8 nor 4, or ``costs`` have another size than the
+            grid.
     """
 
     grid: OccupancyGrid
     neighbours: int = 8
     cut_corners: bool = False
     cell_text: Callable[[int, int], str] = _row_and_column
+    costs: CostMap | None = None
 
     def __post_init__(self) -> None:
+        if self.costs is not None and self.costs.costs.shape != self.grid.occupied.shape:
+            raise InvalidInput(
+                f"the costs have the shape {self.costs.costs.shape}, the grid "
+                f"{self.grid.occupied.shape}"
+            )
         if self.neighbours not in {4, 8}:
             raise InvalidInput(f"neighbours must be 8 or 4, got {self.neighbours}")
 
@@ -126,16 +144,46 @@ class GridSearch:
     ) -> SearchResult:
         """Find a path; arguments and errors as for :func:`search`."""
         check_choice("search method", method, _METHODS)
-        _load(method)
+        find = self._method(method)
+        _load(find)
         began = perf_counter()
         start_index, goal_index = self._index("start", start), self._index("goal", goal)
-        indices, expansions = _METHODS[method](
-            self, start_index, goal_index, self._heuristic(method, heuristic)
+        found = SearchOutput(
+            *find(self, start_index, goal_index, self._heuristic(method, heuristic))
         )
-        if len(indices) == 0:
+        if len(found.indices) == 0:
             raise NoPathFound(self._unreachable(start))
-        cells = self._bitgrid.cells(indices)
-        return SearchResult(cells, path_length(cells), expansions, perf_counter() - began)
+        cells = self._bitgrid.cells(found.indices)
+        cost = path_length(cells) if found.cost is None else found.cost
+        return SearchResult(cells, cost, found.expansions, perf_counter() - began)
+
+    def _method(self, name: str) -> Method:
+        """Return a method, that with costs if there are any."""
+        if self.costs is None or self.costs.is_plain:
+            return _METHODS[name]
+        if name != "astar":
+            raise InvalidInput(f"{name} does not support costs; use astar")
+        return _cost_astar
+
+    @cached_property
+    def _weights(self) -> UInt16[Array, "rows cols"]:
+        """Weight of each cell in units of 1 / UNIT, in the order of the bitmap."""
+        assert self.costs is not None
+        weights = np.rint(UNIT * (1.0 + self.costs.costs)).astype(np.uint16)
+        return np.ascontiguousarray(weights.T if self._bitgrid.transposed else weights)
+
+    @cached_property
+    def _lanes(self) -> UInt8[Array, "rows cols"]:
+        """Direction of the lane of each cell plus 1, in the order of the bitmap; 0: no lane."""
+        assert self.costs is not None
+        if self.costs.directions is None:
+            return np.zeros(self._weights.shape, np.uint8)
+        angles = self.costs.directions - self.grid.yaw
+        if self._bitgrid.transposed:
+            angles = (0.5 * np.pi - angles).T
+        known = np.isfinite(angles)
+        turns = np.rint(np.where(known, angles, 0.0) * DIRECTIONS / (2.0 * np.pi)) % DIRECTIONS
+        return np.ascontiguousarray(np.where(known, turns + 1.0, 0.0).astype(np.uint8))
 
     @cached_property
     def _bitgrid(self) -> BitGrid:
@@ -199,21 +247,33 @@ class GridSearch:
             )
 
 
-def _astar(
+Method = Callable[[GridSearch, int, int, Heuristic], tuple]
+"""Search between two bit indices; returns the fields of a :class:`SearchOutput`."""
+
+
+def _cost_astar(
     searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic
 ) -> SearchOutput:
+    assert searcher.costs is not None
+    indices, cost, expansions = cost_astar(
+        searcher._bitgrid, searcher._weights, searcher._lanes,
+        round(UNIT * searcher.costs.against), start_index, goal_index,
+        searcher._move_table[START_MOVE], heuristic,
+    )  # fmt: skip
+    return SearchOutput(indices, expansions, cost / (2.0 * UNIT * STRAIGHT))
+
+
+def _astar(searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic) -> tuple:
     return astar(searcher._bitgrid, start_index, goal_index, searcher._move_table, heuristic)
 
 
-def _greedy(
-    searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic
-) -> SearchOutput:
+def _greedy(searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic) -> tuple:
     return greedy(searcher._bitgrid, start_index, goal_index, searcher._move_table, heuristic)
 
 
 def _jump_point(
     searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic
-) -> SearchOutput:
+) -> tuple:
     searcher._require_default_moves("jump-point")
     return jump_point(
         searcher._bitgrid,
@@ -227,7 +287,7 @@ def _jump_point(
 
 def _lazy_theta(
     searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic
-) -> SearchOutput:
+) -> tuple:
     searcher._require_default_moves("lazy-theta")
     along_moves, expansions = astar(
         searcher._bitgrid, start_index, goal_index, searcher._move_table, HEURISTICS["octile"]
@@ -242,7 +302,7 @@ def _lazy_theta(
     return along_moves if lengths[0] < lengths[1] - _ROUNDING else any_angle, expansions
 
 
-_METHODS: dict[str, Callable[[GridSearch, int, int, Heuristic], SearchOutput]] = {
+_METHODS: dict[str, Method] = {
     "astar": _astar,
     "jump-point": _jump_point,
     "lazy-theta": _lazy_theta,
@@ -251,8 +311,9 @@ _METHODS: dict[str, Callable[[GridSearch, int, int, Heuristic], SearchOutput]] =
 
 
 @cache
-def _load(method: str) -> None:
+def _load(find: Method) -> None:
     """Compile or load the kernels of a method, so that search times exclude compilation."""
-    tiny = GridSearch(OccupancyGrid(np.zeros((1, 2), bool), 1.0))
+    grid = OccupancyGrid(np.zeros((1, 2), bool), 1.0)
+    tiny = GridSearch(grid, costs=CostMap.of(grid))
     start_index, goal_index = tiny._bitgrid.index_of((0, 0)), tiny._bitgrid.index_of((0, 1))
-    _METHODS[method](tiny, start_index, goal_index, HEURISTICS["octile"])
+    find(tiny, start_index, goal_index, HEURISTICS["octile"])

@@ -18,7 +18,8 @@ class SearchResult:
     Attributes:
         cells: Row and column of every cell of the path, from start to goal inclusive. An any-angle
             path has only start, goal and the cells in which it turns.
-        cost: Length of the path from cell centre to cell centre, in cell widths.
+        cost: Length of the path from cell centre to cell centre, in cell widths; with travel costs
+            every half of a move counts ``1 + cost`` times, with the cost of its cell.
         expansions: Number of expansions; a cell that is expanded twice counts twice. Those of the
             search by A* that precedes ``lazy-theta`` are not counted.
         seconds: Duration of the search, in s.
@@ -28,6 +29,11 @@ class SearchResult:
     cost: float
     expansions: int
     seconds: float
+
+    @property
+    def length(self) -> float:
+        """Length of the path from cell centre to cell centre, in cell widths."""
+        return path_length(self.cells)
 
 
 def path_length(cells: Int[Array, "cells 2"]) -> float:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled
-from omnidrive.planning.clearance import Obstacles, piece_at, piece_clearance
+from omnidrive.compiled import compiled, inlined
+from omnidrive.planning.clearance import Obstacles, Piece, piece_at, piece_clearance
 from omnidrive.planning.pieces import KnotWeights, knot_weights
 from omnidrive.planning.smoothing.initial_spline import TOLERANCE, InitialSpline
 
@@ -17,6 +17,11 @@ _STRIDES = (16, 8, 4, 2, 1)  # distances between the centres of consecutive move
 _CYCLES = 10  # over all strides; more cycles hardly lower the curvature
 _SMALLEST = 1e-4  # cells; shorter moves are skipped
 _STEP_FRACTIONS = (1.0, 0.35, 0.12)  # of the best step, tried in turn
+_SAMPLES = 4  # points of a piece at which its cost is evaluated
+_AROUND = 8  # pieces on both sides over which the costs of the initial spline are averaged
+COST_TOLERANCE = (0.15, 0.05)
+"""Largest rise of a piece's mean cost above that of the initial spline around it: a share of
+``1 + cost``, and an amount."""
 
 
 class _Spline(NamedTuple):
@@ -28,9 +33,15 @@ class _Spline(NamedTuple):
     weights: KnotWeights
     clearances: Float[Array, " pieces"]
     """Distance from obstacles that each piece must keep."""
+    costs: Float32[Array, "rows cols"]
+    """Cost of each cell; empty without costs."""
+    cost_limits: Float[Array, " pieces"]
+    """Largest mean cost of each piece."""
 
 
-def relax(obstacles: Obstacles, start: InitialSpline) -> Float[Array, "points 2"]:
+def relax(
+    obstacles: Obstacles, start: InitialSpline, costs: Float32[Array, "rows cols"]
+) -> Float[Array, "points 2"]:
     """Return the control points (cells) of a smoother spline with the clearances of ``start``.
 
     Coordinate descent on the sum of the squared second derivatives at the knots: each move shifts a
@@ -38,6 +49,10 @@ def relax(obstacles: Obstacles, start: InitialSpline) -> Float[Array, "points 2"
     wide windows first. A move is accepted only if every piece that it changes is proved to keep its
     clearance. The sum is therefore non-increasing, and the proof holds for the whole curve after
     every move. The end points are fixed.
+
+    With ``costs`` a move is also rejected if it raises the mean cost of a piece above that of the
+    initial spline around it by more than :data:`COST_TOLERANCE`: the path keeps to the cells of low
+    cost that the search has chosen.
     """
     count = len(start.control_points)
     spline = _Spline(
@@ -46,8 +61,12 @@ def relax(obstacles: Obstacles, start: InitialSpline) -> Float[Array, "points 2"
         np.empty((count - 2, 2)),
         knot_weights(count),
         start.clearances,
+        costs,
+        np.empty(count - 3),
     )
     _update(spline, 0, count - 3)
+    if costs.size > 0:
+        _set_cost_limits(spline)
     strides = [stride for stride in _STRIDES if 4 * stride <= count or stride == 1]
     move_weights = {stride: _move_weights(stride) for stride in strides}
     for cycle in range(_CYCLES):
@@ -150,10 +169,47 @@ def _update(spline: _Spline, first: int, last: int) -> None:
 
 @compiled
 def _keeps_clearance(spline: _Spline, obstacles: Obstacles, first: int, last: int) -> bool:
-    """Whether the pieces ``first`` to ``last`` are proved to keep their clearance."""
+    """Whether the pieces ``first`` to ``last`` are proved to keep their clearance, and cheap."""
     for j in range(first, last + 1):
         piece = piece_at(spline.positions, spline.second_derivatives, j)
+        if spline.costs.size > 0 and _mean_cost(spline.costs, piece) > spline.cost_limits[j]:
+            return False
         bound, _ = piece_clearance(obstacles, piece, TOLERANCE, spline.clearances[j])
         if bound < spline.clearances[j]:
             return False
     return True
+
+
+@compiled
+def _set_cost_limits(spline: _Spline) -> None:
+    """Set the largest mean cost of each piece from the costs of the pieces around it."""
+    count = len(spline.cost_limits)
+    costs, share, amount = np.empty(count), COST_TOLERANCE[0], COST_TOLERANCE[1]
+    for j in range(count):
+        costs[j] = _mean_cost(
+            spline.costs, piece_at(spline.positions, spline.second_derivatives, j)
+        )
+    for j in range(count):
+        around = costs[max(j - _AROUND, 0) : j + _AROUND + 1].mean()
+        spline.cost_limits[j] = max(costs[j], around + share * (1.0 + around) + amount)
+
+
+@inlined
+def _mean_cost(costs: Float32[Array, "rows cols"], piece: Piece) -> float:
+    """Return the mean cost at points of a piece, interpolated between the centres of the cells."""
+    rows, cols = costs.shape
+    total = 0.0
+    for k in range(_SAMPLES):
+        s = (k + 0.5) / _SAMPLES
+        p = s * (1.0 - s) * (2.0 - s) / 6.0
+        q = s * (1.0 - s) * (1.0 + s) / 6.0
+        x = piece.ax + s * piece.cx - p * piece.ux - q * piece.vx - 0.5
+        y = piece.ay + s * piece.cy - p * piece.uy - q * piece.vy - 0.5
+        x, y = min(max(x, 0.0), cols - 1.0), min(max(y, 0.0), rows - 1.0)
+        col, row = int(x), int(y)
+        right, up = min(col + 1, cols - 1), min(row + 1, rows - 1)
+        u, v = x - col, y - row
+        low = (1.0 - u) * costs[row, col] + u * costs[row, right]
+        high = (1.0 - u) * costs[up, col] + u * costs[up, right]
+        total += (1.0 - v) * low + v * high
+    return total / _SAMPLES

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
 from omnidrive.arrays import Array
 from omnidrive.choices import SmoothingName
@@ -25,6 +25,7 @@ from omnidrive.planning.smoothing.relaxation import relax
 _MIN_CLEARANCE = 1e-6  # cells; required of the curved parts of a certified path
 _TOLERANCE = 1e-3  # cells; of the proved clearance
 _DIGITS = 9  # decimals of a position in cells
+NO_COSTS = np.empty((0, 0), np.float32)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,6 +50,7 @@ def smooth(
     clearance: float = 0.0,
     yaws: tuple[float | None, float | None] = (None, None),
     turn_within: float = 1.0,
+    costs: Float32[Array, "rows cols"] = NO_COSTS,
 ) -> SmoothedPath:
     """Smooth a grid path; the first and last point are kept.
 
@@ -69,6 +71,8 @@ def smooth(
         yaws: Headings at start and goal in rad; None for the direction of the path.
         turn_within: Distance from each end over which the heading is blended from the given heading
             to the direction of the path, in m.
+        costs: Cost of each cell of ``grid``: a certified path keeps to cells whose mean cost is at
+            most that along the grid path plus 15 percent of ``1 + cost`` and 0.05. Empty: no costs.
 
     Raises:
         InvalidInput: The method is unknown, there is no point, a point is not finite, the polygon
@@ -82,20 +86,26 @@ def smooth(
         )
     if not (np.isfinite(clearance) and clearance >= 0.0):
         raise InvalidInput(f"the clearance must be 0 m or more, got {clearance:g} m")
-    control_points, proved = _METHODS[method](grid, points, clearance)
+    control_points, proved = _METHODS[method](grid, points, clearance, costs)
     path = SplinePath(with_headings(control_points, *yaws, turn_within))
     return SmoothedPath(path, path.clearance(grid)[0] if proved is None else proved)
 
 
 def _plain(
-    grid: OccupancyGrid, points: Float[Array, "points 2"], clearance: float
+    grid: OccupancyGrid,
+    points: Float[Array, "points 2"],
+    clearance: float,
+    costs: Float32[Array, "rows cols"],
 ) -> tuple[Float[Array, "more 2"], None]:
     """Return the points as control points, resampled to four if fewer, without a proof."""
     return points if len(points) >= 4 else resample(points, 4), None
 
 
 def _certified(
-    grid: OccupancyGrid, points: Float[Array, "points 2"], clearance: float
+    grid: OccupancyGrid,
+    points: Float[Array, "points 2"],
+    clearance: float,
+    costs: Float32[Array, "rows cols"],
 ) -> tuple[Float[Array, "more 2"], float]:
     """Return the control points of a relaxed spline, and its proved clearance in m."""
     frame, obstacles = GridFrame.of(grid), Obstacles.of(grid)
@@ -106,7 +116,7 @@ def _certified(
     start = certified_initial_spline(
         obstacles, polygon, max(clearance / frame.resolution, _MIN_CLEARANCE)
     )
-    cells = relax(obstacles, start)
+    cells = relax(obstacles, start, costs)
     curve = pieces(cells)
     # the clearance proved during the relaxation, or that of the final curve if greater
     proved = max(

@@ -1,0 +1,145 @@
+"""A* over cells with travel costs."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Int32, Int64, UInt8, UInt16
+
+from omnidrive.arrays import Array
+from omnidrive.compiled import compiled, inlined
+from omnidrive.planning.search.astar import INFINITE, reconstruct_path
+from omnidrive.planning.search.bit_ops import int64
+from omnidrive.planning.search.bit_tiles import Tiles, empty_tiles, tile_index
+from omnidrive.planning.search.bitgrid import MARGIN, BitGrid
+from omnidrive.planning.search.bucket_queue import (
+    bucket_queue,
+    enlarge,
+    is_empty,
+    is_full,
+    pop,
+    push,
+)
+from omnidrive.planning.search.heuristics import DIAGONAL, STRAIGHT, Heuristic, cost_to_go
+from omnidrive.planning.search.moves import MOVES, START_MOVE, neighbourhood
+
+UNIT = 256
+"""Weight of a cell without costs: a move costs its length times the weights of both its cells."""
+DIRECTIONS = 64
+"""Number of directions of lanes."""
+_BUCKET_SHIFT = 25
+"""Number of low bits of a cost that one bucket spans: about 0.14 cells without costs."""
+_MOVE_MASK, _CLOSED, _SHIFT = 15, 16, 5  # as in astar.py
+_CAPACITY = 1 << 12
+_STEPS = np.array([STRAIGHT] * 4 + [DIAGONAL] * 4)
+_ROWS, _COLS = np.array(MOVES).T.copy()
+
+
+def cost_astar(  # noqa: PLR0917
+    bitgrid: BitGrid,
+    weights: UInt16[Array, "rows cols"],
+    lanes: UInt8[Array, "rows cols"],
+    against: int,
+    start: int,
+    goal: int,
+    allowed: UInt8[Array, " neighbourhoods"],
+    heuristic: Heuristic,
+) -> tuple[Int32[Array, " cells"], int, int]:
+    """Return the cells of a path of the least cost, its cost, and the number of expansions.
+
+    A move costs its integer length (see :mod:`~omnidrive.planning.search.heuristics`) times the sum
+    of the weights of both cells. Costs are integers, so that they compare exactly. The heuristic is
+    that of a map without costs.
+
+    Args:
+        bitgrid: The map.
+        weights: Weight of each cell of the bitmap, :data:`UNIT` or more.
+        lanes: Direction of the lane of each cell plus 1, of :data:`DIRECTIONS`; 0 for no lane.
+        against: Weight that is added where a move is opposite to the lane; half of it across.
+        start: Bit index of a free cell.
+        goal: Bit index of a free cell.
+        allowed: Allowed moves by neighbourhood.
+        heuristic: Estimate of the remaining length.
+    """
+    words = empty_tiles(bitgrid, wide=True)
+    largest = 2 * (int(weights.max()) + (against if lanes.any() else 0))
+    queue = bucket_queue(DIAGONAL * (largest + 2 * UNIT) >> _BUCKET_SHIFT, _CAPACITY)
+    cost, expansions = _explore(
+        bitgrid.bits, bitgrid.stride, weights, lanes, lane_weights(against), start, goal, allowed,
+        heuristic, words, *queue,
+    )  # fmt: skip
+    return reconstruct_path(words, bitgrid.stride, start, goal), cost, expansions
+
+
+def lane_weights(against: int) -> Int64[Array, "lanes moves"]:
+    """Return the weight that is added to a cell, by its lane and by the move."""
+    angles = 2.0 * np.pi * np.arange(DIRECTIONS)[:, None] / DIRECTIONS
+    turn = np.arctan2(_ROWS, _COLS)[None] - angles
+    added = np.rint(0.5 * against * (1.0 - np.cos(turn))).astype(np.int64)
+    return np.vstack([np.zeros((1, len(MOVES)), np.int64), added])
+
+
+@compiled
+def _explore(  # noqa: PLR0917
+    bits: UInt8[Array, " bytes"],
+    stride: int,
+    weights: UInt16[Array, "rows cols"],
+    lanes: UInt8[Array, "rows cols"],
+    added: Int64[Array, "lanes moves"],
+    start: int,
+    goal: int,
+    allowed: UInt8[Array, " neighbourhoods"],
+    heuristic: Heuristic,
+    words: Tiles,
+    queue: Int32[Array, " size"],
+    ring: int,
+) -> tuple[int, int]:
+    """Fill ``words``; return the least cost and the number of expansions."""
+    goal_row, goal_col, row, col = goal // stride, goal % stride, start // stride, start % stride
+    start_estimate = _to_go(heuristic, row - goal_row, col - goal_col)
+    words[tile_index(stride, row, col)] = START_MOVE
+    push(queue, ring, 0, start)
+    best, bucket, waiting, expansions = 0 if start == goal else INFINITE, 0, 1, 0
+    while waiting > 0:
+        while is_empty(queue, ring, bucket):
+            bucket += 1
+        if start_estimate + (bucket << _BUCKET_SHIFT) >= best:
+            break
+        cell, waiting = pop(queue, ring, bucket), waiting - 1
+        row, col = cell // stride, cell % stride
+        at = tile_index(stride, row, col)
+        word = int64(words[at])
+        so_far = word >> _SHIFT
+        if word & _CLOSED or so_far >= best:
+            continue
+        words[at], expansions = word | _CLOSED, expansions + 1
+        if is_full(queue, ring, waiting + 8):
+            queue = enlarge(queue)
+        moves = allowed[neighbourhood(bits, stride, cell)]
+        weight, lane = int64(weights[row - 1, col - MARGIN]), lanes[row - 1, col - MARGIN]
+        for move in range(8):
+            if moves >> move & 1 == 0:
+                continue
+            down, right = row + _ROWS[move], col + _COLS[move]
+            ahead, on = int64(weights[down - 1, right - MARGIN]), lanes[down - 1, right - MARGIN]
+            factor = weight + ahead + added[lane, move] + added[on, move]
+            cost, at = so_far + _STEPS[move] * factor, tile_index(stride, down, right)
+            known = int64(words[at])
+            if known != 0 and known >> _SHIFT <= cost:
+                continue
+            estimate = cost + _to_go(heuristic, down - goal_row, right - goal_col)
+            if estimate >= best:
+                continue
+            words[at] = cost << _SHIFT | move + 1
+            if down == goal_row and right == goal_col:
+                best = cost
+                continue
+            waiting += 1
+            level = (estimate - start_estimate) >> _BUCKET_SHIFT
+            push(queue, ring, max(bucket, level), down * stride + right)
+    return best, expansions
+
+
+@inlined
+def _to_go(heuristic: Heuristic, rows: int, cols: int) -> int:
+    """Return the least cost over ``rows`` and ``cols`` cells without costs."""
+    return 2 * UNIT * cost_to_go(heuristic, rows, cols)
