@@ -3,12 +3,13 @@
 import gc
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 # quick tests use fixed examples; `make test-long` draws new ones, twice as many.
-# The first call of a kernel compiles it: no deadline
-settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
-settings.register_profile("fresh", print_blob=True, deadline=None, max_examples=100)
+# The first call of a kernel compiles it: no deadline. A busy machine draws examples slowly
+EVERY = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("repeatable", derandomize=True, max_examples=50, **EVERY)
+settings.register_profile("fresh", print_blob=True, max_examples=100, **EVERY)
 
 
 @pytest.hookimpl(wrapper=True)

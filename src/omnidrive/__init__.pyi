@@ -33,9 +33,18 @@ from .evaluation import (
     step_response,
 )
 from .geometry import BodyTwist, Pose, WorldTwist, to_body, to_world, wrap
-from .maps import OccupancyGrid, load_map, load_nav2_map, paper_map, save_nav2_map
+from .maps import (
+    CostMap,
+    Inflation,
+    Lane,
+    OccupancyGrid,
+    load_map,
+    load_nav2_map,
+    paper_map,
+    save_nav2_map,
+)
 from .parameter import Bounds
-from .planning import Path, PathOptions, Plan, SplinePath, Waypoint, plan, search, smooth
+from .planning import Path, PathOptions, Plan, Planner, SplinePath, Waypoint, plan, search, smooth
 from .reference import (
     Hold,
     MotionLimits,
@@ -84,6 +93,7 @@ __all__ = [
     "Command",
     "Controller",
     "ControllerContext",
+    "CostMap",
     "DriveControls",
     "DriveResult",
     "EstimatorContext",
@@ -94,8 +104,10 @@ __all__ = [
     "HolonomicController",
     "HolonomicParameters",
     "HolonomicSolver",
+    "Inflation",
     "KeepOutZone",
     "KinematicPlant",
+    "Lane",
     "LoopMargins",
     "Metrics",
     "MotionLimits",
@@ -111,6 +123,7 @@ __all__ = [
     "Pipeline",
     "Plan",
     "PlanarPlant",
+    "Planner",
     "Plant",
     "PlantCapabilities",
     "PlantContext",
