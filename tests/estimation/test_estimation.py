@@ -17,13 +17,23 @@ from omnidrive.estimation import (
     SensorReadings,
     SensorSettings,
 )
-from omnidrive.estimation.pose_filter.filter_state import POSE
+from omnidrive.estimation.pose_filter.filter_state import GYRO_BIAS, POSE
 from omnidrive.geometry import BodyTwist, Pose, twist_between, wrap
 from omnidrive.robot import omni_ring
 from omnidrive.simulation import MujocoPlant, SensorFaults, SensorSuite
 from omnidrive.testing.laws import rotated
 from tests.estimates import Perception
-from tests.estimation.drive import CREEP, DT, MATCHED, NOISE_ONLY, QUIET, ROBOT, START, Drive
+from tests.estimation.drive import (
+    CREEP,
+    DT,
+    MATCHED,
+    NOISE_ONLY,
+    QUIET,
+    REST,
+    ROBOT,
+    START,
+    Drive,
+)
 from tests.examples import examples
 
 
@@ -236,6 +246,20 @@ def test_inconsistent_wheels_increase_the_excess_slip():
     assert drive.estimator.filter_state.excess_slip > 0.3
     assert drive.state.position_sigma > 10.0 * before
     assert drive.error < 4.0 * drive.state.position_sigma
+
+
+def test_two_opposite_wheels_that_contradict_the_gyro_leave_its_bias():
+    """They determine the rotation but not the motion: 1 rad/s against 0 by the gyro, for 0.5 s."""
+    drive = Drive(SensorSettings(fixes=None)).go(2.0, lambda t: REST)
+    drive.sensors.apply(SensorFaults((1, 3)))
+    rims = ROBOT.rim_jacobian @ (0.0, 0.0, 1.0)
+    for _ in range(5):
+        drive.angles = drive.angles + rims * DT / ROBOT.wheel.radius
+        drive.go(DT, lambda t: REST)
+    state = drive.estimator.filter_state
+    assert state.excess_slip > 0.1
+    assert abs(state.mean[GYRO_BIAS]) < 1e-3
+    assert abs(drive.state.pose.yaw - START.yaw) < 1e-2
 
 
 def test_estimate_is_equivariant_to_rotation_of_the_world():

@@ -42,6 +42,8 @@ _MAX_UNOBSERVED_TIME = 10.0
 _MAX_VARIANCES = (1e6, 1e6, 100.0, 1.0)
 """Largest variances of the pose and of the gyro's bias; m^2, m^2, rad^2, rad^2/s^2. Numbers of very
 different sizes would make the covariance indefinite by rounding."""
+_RIDGE = 1e-9
+"""Added to the normal matrix of a fit, which makes it one of least norm."""
 _SMALL_SHARE = 1e-3
 """Duration over the time constant of the bias below which its process noise is the first term of
 its series: the difference of stationary variances would consist of rounding errors."""
@@ -149,7 +151,9 @@ def _excess_slip(  # noqa: PLR0917
     if it reports one. The result is ``slip_doubt / dt`` times the square root of the mean squared
     residual in excess of four times its nominal variance, which includes that of the contacts'
     offsets with the derivatives ``by_offset`` of the displacements; zero if the displacements are
-    not redundant.
+    not redundant. Wheels that do not determine the motion can be redundant all the same: two
+    opposite ones determine the rotation, as does the gyro. The fit is therefore that of least
+    norm, and its rank is the trace of the projection.
     """
     dt, displacements = odometry.duration, odometry.displacements
     has_gyro = isfinite(rate)
@@ -167,21 +171,23 @@ def _excess_slip(  # noqa: PLR0917
                     normal[a, b] += jacobian[i, a] * jacobian[i, b]
             known += 1
             nominal += _residual_variance(odometry, model, i, variances[i], by_offset, joint)
-    if known <= unknowns:
-        return 0.0
     if has_gyro:
         normal[2, 2] = 1.0
-    solver, determinant = inverse(normal)
-    if abs(determinant) < 1e-9:
+    for a in range(unknowns):
+        normal[a, a] += _RIDGE
+    solver, _ = inverse(normal)
+    redundancy, motion = float(known - unknowns), np.zeros(3)
+    for a in range(unknowns):
+        redundancy += _RIDGE * solver[a, a]
+    if redundancy < 0.5:
         return 0.0
-    motion = np.zeros(3)
     for a in range(3):
         for b in range(3):
             motion[a] += solver[a, b] * right[b]
     if has_gyro:
         motion[2] = rate * dt
     squares = _residual_sum(odometry, jacobian, slip, motion)
-    excess = squares / (known - unknowns) - 4.0 * nominal / known
+    excess = squares / redundancy - 4.0 * nominal / known
     return min(model.slip_doubt * sqrt(max(excess, 0.0)) / dt, _MAX_SLIP)
 
 
