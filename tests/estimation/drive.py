@@ -10,7 +10,7 @@ from omnidrive.estimation import (
     PoseFixSettings,
     SensorSettings,
 )
-from omnidrive.estimation.pose_filter.filter_state import POSE
+from omnidrive.estimation.pose_filter.filter_state import CORNERING, POSE
 from omnidrive.geometry import BodyTwist, Pose, move, twist_between
 from omnidrive.robot import named_robot
 from omnidrive.simulation import PlantState, SensorSuite
@@ -107,8 +107,8 @@ class Drive:
 
     @property
     def filter_error(self):
-        """True state minus its estimate, as the filter's covariance defines it."""
+        """True state minus its estimate, as the filter's covariance defines it; no cornering."""
         mean = self.estimator.filter_state.mean
         pose_error = twist_between(Pose(*mean[POSE].tolist()), self.pose, 1.0)
         biases = np.array([self.sensors._gyro.bias, *self.fix_bias.ravel()])
-        return np.array([*pose_error, *(biases - mean[3:])])
+        return np.array([*pose_error, *(biases - mean[3:CORNERING])])

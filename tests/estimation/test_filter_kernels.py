@@ -86,16 +86,18 @@ def test_correction_of_a_covariance_has_josephs_form_for_any_gain():
 
 
 def test_predicted_slip_solves_the_differential_equation():
-    """Comparison with an adaptive integrator, for a start from rest at constant wheel speeds."""
+    """Comparison with an adaptive integrator, for a start from rest to constant set points."""
     estimator = PoseEstimator(named_robot("paper"))
     model = estimator._model
+    ratio = DT / model.following_time
     speeds = np.array([0.7, 0.2, 0.6, 1.1])
+    set_points = speeds / (1.0 - (1.0 - np.exp(-ratio)) / ratio)
     odometry = Odometry(speeds * DT, nan, DT, 1.0)
     slip, mean, last = predict_slip(np.zeros(3), odometry, model.rim_jacobian, model)
 
     def law(_, state):
         body = state[:3]
-        slip_speeds = speeds - model.rim_jacobian @ body
+        lags = set_points - model.rim_jacobian @ body
         forces = np.zeros(4)
         for _ in range(30):  # fixed point: the forces transfer load
             limits = np.clip(
@@ -103,13 +105,25 @@ def test_predicted_slip_solves_the_differential_equation():
                 0,
                 model.motor_limit,
             )
-            forces = np.clip(model.stiffness * slip_speeds, -limits, limits)
+            forces = np.clip(model.stiffness * lags, -limits, limits)
         x, y, turn = body
         ax, ay, turning = model.rim_jacobian.T @ forces / model.inertia
-        return [ax + turn * y, ay - turn * x, turning, *body, *slip_speeds]
+        return [ax + turn * y, ay - turn * x, turning, *body, *(lags - forces / model.stiffness)]
 
     exact = solve_ivp(law, (0.0, DT), np.zeros(10), rtol=1e-8, atol=1e-10).y[:, -1]
     assert slip == pytest.approx(exact[6:], abs=1e-3)
     assert mean == pytest.approx(exact[3:6] / DT, abs=0.01)
     assert last == pytest.approx(exact[:3], abs=0.01)
     assert np.abs(slip).max() > 0.01
+
+
+@pytest.mark.parametrize("name", ["paper", "small", "kiwi", "mecanum"])
+def test_wheels_below_the_friction_limit_do_not_slip(name):
+    """Set points that change by half of what the friction transmits."""
+    model = PoseEstimator(named_robot(name))._model
+    change = 0.5 * model.friction_limits.min() / model.stiffness
+    odometry = Odometry(model.rim_jacobian @ (0.5 * change, 0.0, 0.0) * DT, nan, DT, 1.0)
+    slip, mean, last = predict_slip(np.zeros(3), odometry, model.rim_jacobian, model)
+    assert not slip.any()
+    assert mean[0] == pytest.approx(0.5 * change, rel=0.05)
+    assert last[0] > mean[0]

@@ -12,8 +12,9 @@ from omnidrive.parameter import Bounds
 class EstimatorSettings:
     """Parameters of the filter that are not in the sensors' data sheets."""
 
-    creep: Annotated[float, Bounds(0.0, 1.0, "m/sqrt(m)")] = 3e-4
-    """Standard deviation of a rim's displacement per square root of its length, without slip."""
+    creep: Annotated[float, Bounds(0.0, 1.0, "m/sqrt(m)")] = 1e-4
+    """Standard deviation of a rim's displacement per square root of its length, without slip and
+    without the motion of the contacts."""
     slip_error: Annotated[float, Bounds(0.0, 10.0, "1")] = 0.2
     """Standard deviation of every rim's slip, as a share of the root mean square of the predicted
     slip of all rims: an error of the predicted body motion changes the slip of all of them."""

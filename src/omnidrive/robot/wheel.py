@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
-from math import hypot, pi, sqrt, tan
-from typing import Any
+from math import pi, sin, sqrt, tan
+from typing import Any, NamedTuple
 
 from omnidrive.robot.checks import check_no_faults, negative, not_positive
 
 MAX_ROLLERS = 100
 """Largest number of rollers in one row."""
+ROW_OVERLAP = 0.2
+"""Share of the pitch of all rollers in which two rows carry load, because axles and contacts are
+elastic."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,16 +73,37 @@ def contact_drift(wheel: OmniWheel, roller_angle: float) -> float:
     return (wheel.radius - wheel.roller_radius) * tan(pi / wheel.rollers) * tan(roller_angle)
 
 
-def contact_oscillation(wheel: OmniWheel, roller_angle: float) -> tuple[float, float]:
-    """Return root mean square and period of a contact's offset in the wheel angle, m, rad.
+class ContactWave(NamedTuple):
+    """Offset of a contact with the floor along the axle, periodic in the wheel angle."""
 
-    The offset is that of the contact with the floor along the axle. Two rows that touch the floor
-    by turns make a square wave of height ``row_gap / 2``, tilted rollers a saw tooth of height
-    :func:`contact_drift`.
+    period: float
+    """Period in the wheel angle, rad."""
+    fundamental: float
+    """Root mean square of the fundamental, m."""
+    harmonic: float
+    """Root mean square of the strongest harmonic, m."""
+    order: int
+    """Number of this harmonic."""
+    rest: float
+    """Root mean square of all other harmonics, m."""
+
+
+def contact_wave(wheel: OmniWheel, roller_angle: float) -> ContactWave:
+    """Return the offset of a wheel's contacts: its mean squares by Fourier's series.
+
+    Two rows that touch the floor by turns make a trapezoid wave of height ``row_gap / 2`` with
+    ramps of :data:`ROW_OVERLAP` pitches; tilted rollers make a saw tooth of height
+    :func:`contact_drift`, with half the period if there are two rows.
     """
-    rows = 0.5 * wheel.row_gap * (wheel.rows - 1)
-    drift = contact_drift(wheel, roller_angle) / sqrt(3.0)
-    return hypot(rows, drift), 2.0 * pi / wheel.rollers_per_row
+    height, ramp = 0.5 * wheel.row_gap * (wheel.rows - 1), 0.5 * pi * ROW_OVERLAP
+    first, third = (height * sqrt(8.0) / (n * pi) * sin(n * ramp) / (n * ramp) for n in (1.0, 3.0))
+    drift = abs(contact_drift(wheel, roller_angle)) / sqrt(3.0)
+    saw = drift * sqrt(6.0) / pi
+    parts = (first, max((third, 3), (saw, 2))) if height > 0.0 else (saw, (0.5 * saw, 2))
+    fundamental, (harmonic, order) = parts
+    total = height**2 * (1.0 - 2.0 / 3.0 * ROW_OVERLAP) + drift**2
+    rest = sqrt(max(total - fundamental**2 - harmonic**2, 0.0))
+    return ContactWave(2.0 * pi / wheel.rollers_per_row, fundamental, harmonic, order, rest)
 
 
 def wheel_faults(values: Mapping[str, Any]) -> list[str]:

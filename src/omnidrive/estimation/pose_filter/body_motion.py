@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.compiled import compiled
+from omnidrive.compiled import compiled, inlined
+from omnidrive.estimation.pose_filter.contact_offsets import COMPONENTS
 from omnidrive.estimation.pose_filter.filter_state import GYRO_BIAS, POSE, SIZE, FilterState
 from omnidrive.estimation.pose_filter.matrices import correct_covariance, inverse
 from omnidrive.estimation.pose_filter.motion_model import MotionModel, Odometry
@@ -45,8 +46,12 @@ def _correct_once(  # noqa: PLR0917
     observation: Float[Array, " size_and_3"],
     innovation: float,
     variance: float,
-) -> None:
-    """Correct ``mean``, ``motion`` and their joint covariance in place with one measurement."""
+    by_rounding: Float[Array, "size_and_3 wheels"],
+) -> Float[Array, " size_and_3"]:
+    """Correct ``mean``, ``motion`` and their joint covariance in place; return the gain.
+
+    The derivatives ``by_rounding`` of their errors are changed likewise.
+    """
     size, total = len(mean), variance
     gain = np.zeros(size + 3)
     for j in range(size + 3):
@@ -58,11 +63,19 @@ def _correct_once(  # noqa: PLR0917
     for i in range(size + 3):
         gain[i] /= total
     correct_covariance(joint, observation, gain, variance)
+    for k in range(by_rounding.shape[1]):
+        error = 0.0
+        for j in range(size + 3):
+            if observation[j] != 0.0:
+                error += observation[j] * by_rounding[j, k]
+        for i in range(size + 3):
+            by_rounding[i, k] -= gain[i] * error
     mean[POSE] = compose(mean[POSE], exponential(gain[POSE] * innovation))
     for i in range(POSE.stop, size):
         mean[i] += gain[i] * innovation
     for a in range(3):
         motion[a] += gain[size + a] * innovation
+    return gain
 
 
 @compiled
@@ -74,7 +87,9 @@ def correct_with_wheels(  # noqa: PLR0917
     jacobian: Float[Array, "wheels 3"],
     slip: Float[Array, " wheels"],
     variances: Float[Array, " wheels"],
-    by_offset: Float[Array, "wheels 2"],
+    by_offset: Float[Array, "wheels components"],
+    rounding: float,
+    by_rounding: Float[Array, "size_and_3 wheels"],
 ) -> bool:
     """Correct with all wheel displacements in place; return whether the motion is fully observed.
 
@@ -90,8 +105,11 @@ def correct_with_wheels(  # noqa: PLR0917
         jacobian: Rim speeds per unit of body twist at the offsets in ``mean``.
         slip: Predicted slip of each rim, m.
         variances: Variance of each displacement, m^2.
-        by_offset: Derivatives of each displacement by the wheel's two components of the offset: the
+        by_offset: Derivatives of each displacement by the wheel's components of the offset: the
             rotation in the interval (rad) times their weights in the mean offset.
+        rounding: Variance of the roundings of a displacement to whole counts, m^2.
+        by_rounding: Derivatives of the errors of state vector and motion by these roundings; zero
+            before the correction.
     """
     size, information = len(mean), np.zeros((3, 3))
     expected = mean.copy()
@@ -107,22 +125,48 @@ def correct_with_wheels(  # noqa: PLR0917
                 for b in range(3):
                     information[a, b] += jacobian[i, a] * jacobian[i, b]
             if size > SIZE:
-                for a in range(2):
-                    k = SIZE + 2 * i + a
+                for a in range(COMPONENTS):
+                    k = SIZE + COMPONENTS * i + a
                     innovation -= by_offset[i, a] * (mean[k] - expected[k])
                     observation[k] = by_offset[i, a]
-            _correct_once(mean, joint, motion, observation, innovation, variances[i])
+            variance = variances[i] + rounding
+            gain = _correct_once(
+                mean, joint, motion, observation, innovation, variance, by_rounding
+            )
+            by_rounding[:, i] -= gain
     _, determinant = inverse(information)
     return determinant > 1e-6
 
 
+@inlined
+def remove_roundings(
+    joint: Float[Array, "size_and_3 size_and_3"],
+    by_rounding: Float[Array, "size_and_3 wheels"],
+    rounding: float,
+) -> None:
+    """Remove the covariance by roundings in place, except that of the contacts' offsets.
+
+    The next interval cancels them, so that they do not accumulate in the pose nor in the gyro's
+    bias, which follow from sums of displacements. On the offsets, which oscillate, they act as
+    white noise.
+    """
+    size = len(joint) - 3
+    for i in range(len(joint)):
+        for j in range(i + 1):
+            if not (j >= SIZE and i < size):
+                for k in range(by_rounding.shape[1]):
+                    joint[i, j] -= rounding * by_rounding[i, k] * by_rounding[j, k]
+                joint[j, i] = joint[i, j]
+
+
 @compiled
-def correct_with_gyro(
+def correct_with_gyro(  # noqa: PLR0917
     mean: Float[Array, " size"],
     joint: Float[Array, "size_and_3 size_and_3"],
     motion: Float[Array, " 3"],
     odometry: Odometry,
     model: MotionModel,
+    by_rounding: Float[Array, "size_and_3 wheels"],
 ) -> None:
     """Correct in place with the gyro, which measures the motion's rotation plus its own bias."""
     dt = odometry.duration
@@ -130,4 +174,4 @@ def correct_with_gyro(
     observation[len(mean) + 2], observation[GYRO_BIAS] = 1.0, dt
     innovation = odometry.yaw_rate * dt - motion[2] - mean[GYRO_BIAS] * dt
     variance = model.gyro_noise**2 * dt + MIN_VARIANCE
-    _correct_once(mean, joint, motion, observation, innovation, variance)
+    _correct_once(mean, joint, motion, observation, innovation, variance, by_rounding)

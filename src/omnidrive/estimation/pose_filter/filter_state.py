@@ -11,9 +11,12 @@ from omnidrive.arrays import Array
 POSE, GYRO_BIAS, FIX_BIAS, FIX_BIAS_RATE = slice(0, 3), 3, slice(4, 7), slice(7, 10)
 """Indices into the state vector: pose of B in W (m, m, rad), bias of the gyro (rad/s), bias of the
 pose fixes (m, m, rad in W) and its rate of change (per second)."""
-SIZE = 10
-"""Number of these components. If the wheels' contacts move, two more follow for each wheel, m: the
-offset of the contact along the axle, outwards, and its derivative by the phase of the rollers."""
+CORNERING = 10
+"""Index of the slip speed of the robot per centripetal acceleration, s."""
+SIZE = 11
+"""Number of these components. If the wheels' contacts move, four more follow for each wheel, m: the
+fundamental of the offset of the contact along the axle, outwards, its derivative by its phase, and
+the same of the strongest harmonic."""
 
 
 class FilterState(NamedTuple):
@@ -27,7 +30,7 @@ class FilterState(NamedTuple):
 
     mean: Float[Array, " size"]
     """State vector; see :data:`POSE`, :data:`GYRO_BIAS`, :data:`FIX_BIAS`,
-    :data:`FIX_BIAS_RATE`, :data:`SIZE`."""
+    :data:`FIX_BIAS_RATE`, :data:`CORNERING`, :data:`SIZE`."""
     covariance: Float[Array, "size size"]
     """Covariance of its error, in the same units."""
     velocity: Float[Array, " 3"]

@@ -14,11 +14,15 @@ class MotionModel(NamedTuple):
 
     rim_jacobian: Float[Array, "wheels 3"]
     """Rim speed of each wheel per unit of body twist; 1, 1 and m/rad."""
-    contact_sigma: Float[Array, " wheels"]
-    """Standard deviation of both components of the contacts' offsets, m; all zero if they have no
-    place in the state vector."""
-    contact_length: Float[Array, " wheels"]
-    """Displacement of a rim per radian of the phase of this offset, m."""
+    contact_sigmas: Float[Array, "wheels 2"]
+    """Standard deviations of the components of the contacts' offsets, m: of the fundamental, and of
+    the harmonics; all zero if they have no place in the state vector."""
+    contact_lengths: Float[Array, "wheels 2"]
+    """Displacements of a rim per radian of the phases of fundamental and harmonic, m."""
+    contact_rest: Float[Array, " wheels"]
+    """Root mean square of the harmonics beyond these, m."""
+    cornering: tuple[float, float]
+    """Mean and standard deviation of the slip speed per centripetal acceleration, s."""
     friction_limits: Float[Array, " wheels"]
     """Largest force that friction transmits at each wheel of a robot at rest, N; not finite if the
     wheels never slip, as for a robot without masses."""
@@ -29,7 +33,9 @@ class MotionModel(NamedTuple):
     inertia: Float[Array, " 3"]
     """Mass, mass and yaw inertia; kg, kg and kg m^2."""
     stiffness: float
-    """Force of a wheel per slip speed of its rim below the friction limit, N s/m."""
+    """Force of a wheel at its rim per difference of set point and speed of its servo, N s/m."""
+    following_time: float
+    """Time constant with which the robot follows a change of the set points in translation, s."""
     max_acceleration: Float[Array, " 3"]
     """Largest expected acceleration along each axis of B; m/s^2, m/s^2, rad/s^2."""
     max_twist: Float[Array, " 3"]

@@ -15,6 +15,7 @@ from omnidrive.estimation.estimator_settings import EstimatorSettings
 from omnidrive.estimation.plausibility import RateLimits, possible_angles, usable_fixes
 from omnidrive.estimation.pose_filter.correction import INITIAL_COUNT, UNKNOWN_YAW, correct
 from omnidrive.estimation.pose_filter.filter_state import (
+    CORNERING,
     FIX_BIAS,
     FIX_BIAS_RATE,
     GYRO_BIAS,
@@ -37,10 +38,15 @@ from omnidrive.estimation.state import State, check_start
 from omnidrive.geometry import Pose
 from omnidrive.parameter import check_bounds
 from omnidrive.robot import Robot
-from omnidrive.robot.wheel import contact_oscillation
+from omnidrive.robot.wheel import contact_wave
 
-_FOLLOWING_TIME = 3e-3
-"""Time constant with which a robot follows wheels that do not slip, s; results are insensitive."""
+_LEAST_FOLLOWING_TIME = 3e-3
+"""Least time constant with which a robot follows its servos, s; the integration of the slip is
+stable with it."""
+
+_CORNERING = (2.0e-3, 2.5e-3)
+"""Mean and standard deviation of the slip speed per centripetal acceleration, s: measured on steady
+curves are 0 on rigid contacts and 3.5e-3 and 6.7e-3 on MuJoCo's soft ones."""
 
 _SHORTEST_INTERVAL = 1e-5
 """Shortest time between readings that are processed separately, s."""
@@ -49,7 +55,9 @@ _SHORTEST_INTERVAL = 1e-5
 class PoseEstimator:
     """An extended Kalman filter on SE(2) with left-invariant pose errors.
 
-    The state vector is the pose, the gyro's bias, and the bias of the pose fixes with its rate.
+    The state vector is the pose, the gyro's bias, the bias of the pose fixes with its rate, the
+    slip in curves, and the offsets of the wheels' contacts.
+
     All readings of the last ``memory`` seconds are stored: a late fix is inserted at its stamp, and
     all later readings are processed again, so that the result does not depend on the order of
     arrival.
@@ -135,12 +143,16 @@ class PoseEstimator:
         and of the current time.
         """
         model = self._model
-        moves = model.contact_sigma.any()
-        offsets = np.repeat(model.contact_sigma, 2) if moves else np.zeros(0)
+        moves = model.contact_sigmas.any()
+        offsets = np.repeat(model.contact_sigmas.ravel(), 2) if moves else np.zeros(0)
         size = SIZE + len(offsets)
         mean, covariance = np.zeros(size), np.zeros((size, size))
         covariance[SIZE:, SIZE:] = np.diag(offsets**2)
         mean[POSE] = pose
+        mean[CORNERING], covariance[CORNERING, CORNERING] = (
+            model.cornering[0],
+            model.cornering[1] ** 2,
+        )
         covariance[GYRO_BIAS, GYRO_BIAS] = self._gyro_bias**2
         rounding = model.encoder_resolution**2 / 6.0
         covariance[POSE, POSE] = rounding * np.linalg.inv(model.rim_jacobian.T @ model.rim_jacobian)
@@ -344,24 +356,34 @@ def _motion_model(
 ) -> MotionModel:
     """Return the parameters of the motion model of a robot with these sensors.
 
-    The stiffness makes a robot follow wheels that do not slip with the time constant
-    :data:`_FOLLOWING_TIME`; without pose fixes the parameters of their bias have no effect.
+    The stiffness is that of the velocity servos, but at most that with which the robot follows
+    within :data:`_LEAST_FOLLOWING_TIME`. Without pose fixes the parameters of their bias have no
+    effect.
     """
     gyro, fixes = sensors.gyro, sensors.fixes
     rim_jacobian, friction_limits = np.ascontiguousarray(robot.rim_jacobian), robot.friction_limits
     time, damping = fixes.bias_dynamics if fixes else (1.0, 0.9)
-    contacts = np.array(
-        [contact_oscillation(robot.wheel, mount.roller_angle) for mount in robot.mounts]
-    )
+    waves = [contact_wave(robot.wheel, mount.roller_angle) for mount in robot.mounts]
+    moves = 1.0 if slips else 0.0
+    lengths = [
+        [robot.wheel.radius * w.period / (2.0 * pi * n) for n in (1, w.order)] for w in waves
+    ]
+    shares = float((rim_jacobian[:, 0] ** 2).sum())
+    stiffness = robot.servo_gain / robot.wheel.radius**2
+    following_time = max(robot.mass / (shares * stiffness), _LEAST_FOLLOWING_TIME)
     return MotionModel(
         rim_jacobian=rim_jacobian,
-        contact_sigma=contacts[:, 0].copy() if slips else np.zeros(len(contacts)),
-        contact_length=robot.wheel.radius * contacts[:, 1] / (2.0 * pi),
+        contact_sigmas=moves
+        * np.array([[w.fundamental, hypot(w.harmonic, w.rest)] for w in waves]),
+        contact_lengths=np.array(lengths),
+        cornering=_CORNERING if slips else (0.0, 0.0),
+        contact_rest=moves * np.array([w.rest for w in waves]),
         friction_limits=friction_limits if slips else np.full_like(friction_limits, np.inf),
         load_transfer=np.ascontiguousarray(robot.load_transfer),
         motor_limit=robot.max_torque / robot.wheel.radius,
         inertia=np.array(robot.inertia),
-        stiffness=robot.mass / (_FOLLOWING_TIME * float((rim_jacobian[:, 0] ** 2).sum())),
+        stiffness=robot.mass / (shares * following_time),
+        following_time=following_time,
         max_acceleration=1.0 / np.abs(robot.acceleration_faces).max(axis=0),
         max_twist=limits.twist,
         encoder_resolution=robot.wheel.radius * sensors.encoders.step,

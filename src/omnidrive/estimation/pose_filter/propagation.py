@@ -15,9 +15,15 @@ from omnidrive.estimation.pose_filter.body_motion import (
     correct_with_gyro,
     correct_with_wheels,
     predict_motion,
+    remove_roundings,
 )
-from omnidrive.estimation.pose_filter.contact_offsets import contact_means, propagate_contacts
+from omnidrive.estimation.pose_filter.contact_offsets import (
+    COMPONENTS,
+    contact_means,
+    propagate_contacts,
+)
 from omnidrive.estimation.pose_filter.filter_state import (
+    CORNERING,
     FIX_BIAS,
     FIX_BIAS_RATE,
     GYRO_BIAS,
@@ -55,8 +61,8 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
 
     The body motion is predicted from the last velocity and corrected with the wheel displacements
     without the predicted slip, and with the gyro; these corrections also act on the offsets of the
-    wheels' contacts and on the gyro's bias. Finally the pose, its covariance and the bias of the
-    pose fixes are propagated along the motion.
+    wheels' contacts and on the gyro's bias. Finally the slip in curves is removed, and the pose,
+    its covariance and the bias of the pose fixes are propagated along the motion.
     """
     dt = odometry.duration
     if dt <= 0.0:
@@ -65,26 +71,39 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
     mean, joint = state.mean.copy(), np.zeros((size + 3, size + 3))
     joint[:size, :size] = state.covariance
     jacobian, weights = model.rim_jacobian.copy(), contact_means(odometry, model)
-    for i in range((size - SIZE) // 2):
-        k = SIZE + 2 * i
-        jacobian[i, 2] += weights[i, 0] * mean[k] + weights[i, 1] * mean[k + 1]
+    for j in range(size - SIZE):
+        i, a = j // COMPONENTS, j % COMPONENTS
+        jacobian[i, 2] += weights[i, a] * mean[SIZE + j]
     rate = odometry.yaw_rate - mean[GYRO_BIAS]
     slip, mean_twist, velocity = predict_slip(state.velocity, odometry, jacobian, model)
-    _make_rigid(slip, odometry, jacobian, model)
     turn = rate * dt if isfinite(rate) else state.velocity[2] * dt
     variances = _displacement_variances(odometry.displacements, slip, model.creep, model.slip_error)
+    _add_harmonics(variances, odometry, model, turn)
+    _add_contact_shift(slip, model, turn, weights)
     residual_slip = _excess_slip(
         odometry, model, jacobian, rate, slip, variances, turn * weights, joint
     )
     excess_slip = max(state.excess_slip * exp(-dt / model.slip_memory), residual_slip)
     for i in range(len(slip)):
         variances[i] += (excess_slip * dt) ** 2
+    rounding = model.encoder_resolution**2 / 6.0 * odometry.fraction
+    by_rounding = np.zeros((size + 3, len(slip)))
     motion = predict_motion(joint, state, model, dt)
     observed = correct_with_wheels(
-        mean, joint, motion, odometry, jacobian, slip, variances, turn * weights
+        mean,
+        joint,
+        motion,
+        odometry,
+        jacobian,
+        slip,
+        variances,
+        turn * weights,
+        rounding,
+        by_rounding,
     )
     if isfinite(rate):
-        correct_with_gyro(mean, joint, motion, odometry, model)
+        correct_with_gyro(mean, joint, motion, odometry, model, by_rounding)
+    remove_roundings(joint, by_rounding, rounding)
     if isfinite(model.friction_limits[0]):
         velocity += motion / dt - mean_twist
     else:
@@ -92,46 +111,51 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
     for a in range(3):
         velocity[a] = min(max(velocity[a], -model.max_twist[a]), model.max_twist[a])
     unobserved_time = 0.0 if observed else min(state.unobserved_time + dt, _MAX_UNOBSERVED_TIME)
+    cornering = np.array([-motion[1], motion[0], 0.0]) * (motion[2] / dt)
+    motion -= mean[CORNERING] * cornering
     pose = compose(mean[POSE], exponential(motion))
-    covariance = _propagate_covariance(mean, joint, motion, odometry, model)
+    covariance = _propagate_covariance(mean, joint, motion, cornering, odometry, model)
     mean[POSE] = pose
     return FilterState(
         mean, covariance, velocity, excess_slip, unobserved_time, state.fix_scale, state.fix_count
     )
 
 
-@compiled
-def _make_rigid(
-    slip: Float[Array, " wheels"],
-    odometry: Odometry,
-    jacobian: Float[Array, "wheels 3"],
-    model: MotionModel,
+@inlined
+def _add_harmonics(
+    variances: Float[Array, " wheels"], odometry: Odometry, model: MotionModel, turn: float
 ) -> None:
-    """Replace, in place, the predicted slip of wheels that hold by that of a rigid motion.
+    """Add, in place, the variances (m^2) of the displacements by the offsets' higher harmonics.
 
-    Below the friction limit wheels that contradict each other do not slip, although the model with
-    its finite stiffness says so: their contacts are not where they are expected.
+    Their means over an interval decrease with the phase that it contains.
     """
-    if not isfinite(model.friction_limits[0]):
-        return
-    normal, right = np.zeros((3, 3)), np.zeros(3)
+    for i in range(len(variances)):
+        half = 0.5 * odometry.displacements[i] / model.contact_lengths[i, 1]
+        variances[i] += (turn * model.contact_rest[i]) ** 2 / (1.0 + half * half)
+
+
+@inlined
+def _add_contact_shift(
+    slip: Float[Array, " wheels"],
+    model: MotionModel,
+    turn: float,
+    weights: Float[Array, "wheels components"],
+) -> None:
+    """Add, in place, the displacements by contacts and rotation that vary together in an interval.
+
+    Servos keep the rims' speeds, so that the robot turns more slowly while a contact is further
+    outwards: with the variance v of the offset within the interval, and the levers l of the wheels,
+    the displacement is smaller by ``v turn l_i / sum l^2`` than by the means of both.
+    """
+    squares = MIN_VARIANCE
     for i in range(len(slip)):
-        if isfinite(odometry.displacements[i]):
-            if abs(slip[i]) * model.stiffness > model.friction_limits[i] * odometry.duration:
-                return
-            for a in range(3):
-                right[a] += jacobian[i, a] * slip[i]
-                for b in range(3):
-                    normal[a, b] += jacobian[i, a] * jacobian[i, b]
-    solver, determinant = inverse(normal)
-    if abs(determinant) < 1e-9:
-        return
+        squares += model.rim_jacobian[i, 2] ** 2
     for i in range(len(slip)):
-        if isfinite(odometry.displacements[i]):
-            slip[i] = 0.0
-            for a in range(3):
-                for b in range(3):
-                    slip[i] += jacobian[i, a] * solver[a, b] * right[b]
+        variance = 0.0
+        for h in range(2):
+            mean_square = weights[i, 2 * h] ** 2 + weights[i, 2 * h + 1] ** 2
+            variance += model.contact_sigmas[i, h] ** 2 * (1.0 - mean_square)
+        slip[i] -= variance * turn * model.rim_jacobian[i, 2] / squares
 
 
 @compiled
@@ -142,15 +166,15 @@ def _excess_slip(  # noqa: PLR0917
     rate: float,
     slip: Float[Array, " wheels"],
     variances: Float[Array, " wheels"],
-    by_offset: Float[Array, "wheels 2"],
+    by_offset: Float[Array, "wheels components"],
     joint: Float[Array, "size_and_3 size_and_3"],
 ) -> float:
     """Return the slip speed (m/s) beyond the prediction by which wheels and gyro disagree.
 
     The body motion is fitted to the displacements by least squares, with the rotation of the gyro
     if it reports one. The result is ``slip_doubt / dt`` times the square root of the mean squared
-    residual in excess of four times its nominal variance, which includes that of the contacts'
-    offsets with the derivatives ``by_offset`` of the displacements; zero if the displacements are
+    residual in excess of four times its nominal variance, which includes that of the gyro and of
+    the contacts' offsets with the derivatives ``by_offset`` of the displacements; zero if the displacements are
     not redundant. Wheels that do not determine the motion can be redundant all the same: two
     opposite ones determine the rotation, as does the gyro. The fit is therefore that of least
     norm, and its rank is the trace of the projection.
@@ -171,6 +195,8 @@ def _excess_slip(  # noqa: PLR0917
                     normal[a, b] += jacobian[i, a] * jacobian[i, b]
             known += 1
             nominal += _residual_variance(odometry, model, i, variances[i], by_offset, joint)
+            if has_gyro:
+                nominal += jacobian[i, 2] ** 2 * model.gyro_noise**2 * dt
     if has_gyro:
         normal[2, 2] = 1.0
     for a in range(unknowns):
@@ -197,15 +223,15 @@ def _residual_variance(  # noqa: PLR0917
     model: MotionModel,
     i: int,
     variance: float,
-    by_offset: Float[Array, "wheels 2"],
+    by_offset: Float[Array, "wheels components"],
     joint: Float[Array, "size_and_3 size_and_3"],
 ) -> float:
     """Return a displacement's ``variance`` (m^2) with that of two roundings and of the offset."""
     variance += model.encoder_resolution**2 / 6.0 * odometry.fraction
     if len(joint) - 3 > SIZE:
-        k = SIZE + 2 * i
-        for a in range(2):
-            for b in range(2):
+        k = SIZE + COMPONENTS * i
+        for a in range(COMPONENTS):
+            for b in range(COMPONENTS):
                 variance += by_offset[i, a] * joint[k + a, k + b] * by_offset[i, b]
     return variance
 
@@ -252,19 +278,27 @@ def _displacement_variances(
 
 
 @compiled
-def _propagate_covariance(
+def _propagate_covariance(  # noqa: PLR0917
     mean: Float[Array, " size"],
     joint: Float[Array, "size_and_3 size_and_3"],
     motion: Float[Array, " 3"],
+    cornering: Float[Array, " 3"],
     odometry: Odometry,
     model: MotionModel,
 ) -> Float[Array, "size size"]:
-    """Return the covariance after ``motion``; propagate biases and offsets in ``mean`` in place."""
+    """Return the covariance after ``motion``; propagate biases and offsets in ``mean`` in place.
+
+    The motion is that of the wheels without the cornering slip, whose derivative is ``cornering``.
+    """
     size, dt = len(mean), odometry.duration
     transition = np.zeros((size, size + 3))
     transition[POSE, POSE] = inverse_adjoint(motion)
-    transition[POSE, size:] = right_jacobian(motion)
-    transition[GYRO_BIAS, GYRO_BIAS] = 1.0
+    by_motion = right_jacobian(motion)
+    transition[POSE, size:] = by_motion
+    for a in range(3):
+        for b in range(2):
+            transition[a, CORNERING] -= by_motion[a, b] * cornering[b]
+    transition[GYRO_BIAS, GYRO_BIAS] = transition[CORNERING, CORNERING] = 1.0
     a, b, c, d = gauss_markov(dt, model.bias_time, model.bias_damping)
     for i in range(3):
         k, r = FIX_BIAS.start + i, FIX_BIAS_RATE.start + i
