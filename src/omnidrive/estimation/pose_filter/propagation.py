@@ -174,10 +174,10 @@ def _excess_slip(  # noqa: PLR0917
     The body motion is fitted to the displacements by least squares, with the rotation of the gyro
     if it reports one. The result is ``slip_doubt / dt`` times the square root of the mean squared
     residual in excess of four times its nominal variance, which includes that of the gyro and of
-    the contacts' offsets with the derivatives ``by_offset`` of the displacements; zero if the displacements are
-    not redundant. Wheels that do not determine the motion can be redundant all the same: two
-    opposite ones determine the rotation, as does the gyro. The fit is therefore that of least
-    norm, and its rank is the trace of the projection.
+    the contacts' offsets with the derivatives ``by_offset`` of the displacements; zero if the
+    displacements are not redundant. Wheels that do not determine the motion can be redundant all
+    the same: two opposite ones determine the rotation, as does the gyro. The fit is therefore that
+    of least norm, and its rank is the trace of the projection.
     """
     dt, displacements = odometry.duration, odometry.displacements
     has_gyro = isfinite(rate)
