@@ -80,9 +80,8 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
     variances = _displacement_variances(odometry.displacements, slip, model.creep, model.slip_error)
     _add_harmonics(variances, odometry, model, turn)
     _add_contact_shift(slip, model, turn, weights)
-    residual_slip = _excess_slip(
-        odometry, model, jacobian, rate, slip, variances, turn * weights, joint
-    )
+    by_offset = turn * weights
+    residual_slip = _excess_slip(odometry, model, jacobian, rate, slip, variances, by_offset, joint)
     excess_slip = max(state.excess_slip * exp(-dt / model.slip_memory), residual_slip)
     for i in range(len(slip)):
         variances[i] += (excess_slip * dt) ** 2
@@ -90,16 +89,7 @@ def propagate(state: FilterState, odometry: Odometry, model: MotionModel) -> Fil
     by_rounding = np.zeros((size + 3, len(slip)))
     motion = predict_motion(joint, state, model, dt)
     observed = correct_with_wheels(
-        mean,
-        joint,
-        motion,
-        odometry,
-        jacobian,
-        slip,
-        variances,
-        turn * weights,
-        rounding,
-        by_rounding,
+        mean, joint, motion, odometry, jacobian, slip, variances, by_offset, rounding, by_rounding
     )
     if isfinite(rate):
         correct_with_gyro(mean, joint, motion, odometry, model, by_rounding)
