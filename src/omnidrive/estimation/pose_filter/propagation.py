@@ -285,9 +285,9 @@ def _propagate_covariance(  # noqa: PLR0917
     transition[POSE, POSE] = inverse_adjoint(motion)
     by_motion = right_jacobian(motion)
     transition[POSE, size:] = by_motion
-    for a in range(3):
-        for b in range(2):
-            transition[a, CORNERING] -= by_motion[a, b] * cornering[b]
+    for axis in range(3):
+        for k in range(2):
+            transition[axis, CORNERING] -= by_motion[axis, k] * cornering[k]
     transition[GYRO_BIAS, GYRO_BIAS] = transition[CORNERING, CORNERING] = 1.0
     a, b, c, d = gauss_markov(dt, model.bias_time, model.bias_damping)
     for i in range(3):
