@@ -14,8 +14,11 @@ TaskName = Literal["track", "noise", "step", "horizon", "faults"]
 """Tasks of a study."""
 TimingName = Literal["uniform", "limits", "minimum-time"]
 """Laws of the timing along a path."""
-Heading = Literal["path", "tangent", "fixed", "free"]
-"""Headings of the path; direction of travel; one constant heading; headings optimised for time."""
+Heading = Literal[
+    "path", "tangent", "fixed", "face", "goal-first", "goal-last", "fastest", "free"
+]  # fmt: skip
+"""Headings of the path; direction of travel; one constant heading; toward a point; turn near the
+start; turn near the goal; fastest constant angle to the direction of travel; optimised for time."""
 
 TableHeading = Literal["tangent", "fixed"]
 """Direction of travel; along the x axis. Headings of a waypoint table that has none."""

@@ -151,6 +151,25 @@ def test_bad_costs_are_refused(capsys, room, tmp_path, monkeypatch, words, messa
         plan(capsys, *room, *words)
 
 
+def test_headings_of_the_command(capsys, room, tmp_path):
+    found = {}
+    for heading in ("path", "fastest", "goal-first", "goal-last", "face:3,2"):
+        out = tmp_path / heading.partition(":")[0]
+        plan(capsys, *room, "--heading", heading, "--out", out)
+        found[heading] = load_waypoints(out / "reference.csv")
+    assert found["fastest"].duration <= found["path"].duration + 0.1
+    late, early = (found[f"goal-{end}"].at(2.0).pose.yaw for end in ("last", "first"))
+    assert early == pytest.approx(1.5, abs=0.01)
+    assert abs(late - 1.5) > 0.1
+    scenario = load_scenario(tmp_path / "face" / "scenario.yaml")
+    assert scenario.timing.target == (3.0, 2.0)
+    for words in ("face", "face:", "face:1", "face:1,2,3", "face:a,b"):
+        with pytest.raises(InvalidInput, match=r"such as face:3.5,2"):
+            plan(capsys, *room, "--heading", words)
+    with pytest.raises(OmnidriveError, match="heading"):
+        plan(capsys, *room, "--heading", "sideways")
+
+
 def test_figure_shows_the_path(capsys, room, tmp_path):
     plan(capsys, *room, "--png", tmp_path / "p.png")
     with Image.open(tmp_path / "p.png") as picture:

@@ -16,7 +16,7 @@ from omnidrive.choices import (
     TimingName,
     Unknown,
 )
-from omnidrive.cli.completion import component, paper_or_file
+from omnidrive.cli.completion import component, one_of, paper_or_file
 from omnidrive.cli.options import PATH_PANEL, RUN_PANEL, choice, flag, option
 from omnidrive.components import component_names
 
@@ -185,11 +185,14 @@ class OptionFields:
     ] = None
     heading: Annotated[
         str | None,
-        choice(
-            get_args(Heading),
-            "Heading of the robot, with the timing `limits`; tangent or fixed also for a waypoint "
-            "table without headings.",
+        option(
+            "|".join("face:X,Y" if each == "face" else each for each in get_args(Heading)),
+            "Heading of the robot, with the timing `limits`: of the path, along it, constant, "
+            "toward a point, turned to that of the goal near the start or near the goal, the "
+            "fastest angle to the direction of motion, or optimised for time; tangent or fixed "
+            "also for a waypoint table without headings.",
             PATH_PANEL,
+            complete=one_of([each for each in get_args(Heading) if each != "face"]),
         ),
     ] = None
     estimator: Annotated[

@@ -15,7 +15,7 @@ from omnidrive.choices import WAYPOINTS, PresetName
 from omnidrive.cli.components import plant_data, reference_data
 from omnidrive.cli.input_kind import check_map_name, input_kind
 from omnidrive.cli.option_fields import OptionFields
-from omnidrive.cli.options import choose_one, parse_waypoint
+from omnidrive.cli.options import choose_one, parse_coordinates, parse_waypoint
 from omnidrive.errors import InvalidInput
 
 _COST_OPTIONS = ("keepout", "speed_mask", "cost_radius", "cost_scaling", "cost_weight")
@@ -158,7 +158,9 @@ class ScenarioOptions(OptionFields):
         of_table = self._motion is not None and self._motion["type"] == WAYPOINTS
         for field, key in _KEYS.items():
             value = None if field == "heading" and of_table else getattr(self, field)
-            if value is not None:
+            if field == "heading" and value is not None:
+                data["timing"] |= _heading(value)
+            elif value is not None:
                 section, name = key.split(".")
                 if data[section] is None:
                     data[section] = {}
@@ -203,6 +205,21 @@ class ScenarioOptions(OptionFields):
         path = Path(self.scenario)
         file = path / "scenario.yaml" if os.path.isdir(path) else path
         return scenarios.load_scenario(file, allow_code=self.allow_code)
+
+
+def _heading(text: str) -> dict[str, Any]:
+    """Return the keys of the section `timing` for a value of ``--heading``.
+
+    Raises:
+        InvalidInput: It is ``face`` without a point.
+    """
+    name, _, point = text.partition(":")
+    if name != "face":
+        return {"heading": text, "target": None}
+    numbers = parse_coordinates(point)
+    if len(numbers) != 2:
+        raise InvalidInput(f"--heading {text}: a point is needed, such as face:3.5,2 (m)")
+    return {"heading": name, "target": numbers}
 
 
 def with_options(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -47,10 +47,10 @@ def initial_headings(
     """
     check_end_headings(start_yaw, goal_yaw)
     own = path.control_points[:, 2]
-    travel = _directions(path)
+    travel = directions_of_travel(path)
     side = _fastest_direction(limits, travel[0] - (own[0] if start_yaw is None else start_yaw))
     shapes = [own, np.full_like(own, own[0] if start_yaw is None else start_yaw), travel - side]
-    return [_meet_ends(shape, start_yaw, goal_yaw) for shape in shapes]
+    return [meet_ends(shape, start_yaw, goal_yaw) for shape in shapes]
 
 
 def with_end_headings(
@@ -64,7 +64,7 @@ def with_end_headings(
     check_end_headings(start_yaw, goal_yaw)
     if start_yaw is None and goal_yaw is None:
         return path
-    yaw = _meet_ends(path.control_points[:, 2], start_yaw, goal_yaw).yaw
+    yaw = meet_ends(path.control_points[:, 2], start_yaw, goal_yaw).yaw
     return SplinePath(np.column_stack([path.control_points[:, :2], yaw]))
 
 
@@ -79,7 +79,7 @@ def check_end_headings(start_yaw: float | None, goal_yaw: float | None) -> None:
             raise InvalidInput(f"the heading at the {name} must be a finite angle, got {yaw:g} rad")
 
 
-def _meet_ends(
+def meet_ends(
     yaw: Float[Array, " points"], start_yaw: float | None, goal_yaw: float | None
 ) -> InitialHeadings:
     """Shift headings by whole turns to the start, and change them to meet the end headings."""
@@ -97,7 +97,7 @@ def _meet_ends(
     return InitialHeadings(yaw, low, high)
 
 
-def _directions(path: SplinePath) -> Float[Array, " points"]:
+def directions_of_travel(path: SplinePath) -> Float[Array, " points"]:
     """Return the direction of travel at each control point, in rad, unwrapped.
 
     At a control point without motion it is that of the one before.

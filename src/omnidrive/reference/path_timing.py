@@ -7,21 +7,24 @@ from typing import get_args
 import numpy as np
 
 from omnidrive.choices import Heading
-from omnidrive.errors import InvalidReference
+from omnidrive.errors import InvalidInput, InvalidReference
 from omnidrive.geometry import WorldTwist, wrap
 from omnidrive.maps import CostMap
 from omnidrive.parameter import check_choice
 from omnidrive.planning import SplinePath
 from omnidrive.reference.free_heading import free_heading
+from omnidrive.reference.heading_policies import facing, fast_candidates, turning_once
 from omnidrive.reference.initial_headings import check_end_headings
-from omnidrive.reference.limits import MotionLimits, limit_rows
+from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
 from omnidrive.reference.piecewise_path import FixedHeading, PiecewisePath
-from omnidrive.reference.time_parameterization import time_optimal_reference
+from omnidrive.reference.time_parameterization import estimated_duration, time_optimal_reference
 from omnidrive.reference.timed_reference import TimedReference
 from omnidrive.robot import Chassis
 
 _TOLERANCE = 1e-6
 """Largest difference of headings that count as equal, in rad."""
+_BEST = 3
+"""Candidates of heading `fastest` that are timed precisely, in addition to the tangent."""
 _START_TOLERANCE = 0.01
 """Largest difference of twists at the start, in m/s and rad/s, beside 2 % of the twist."""
 
@@ -38,6 +41,7 @@ def time_within_limits(
     duration: float | None = None,
     start_twist: WorldTwist | None = None,
     zones: CostMap | None = None,
+    target: tuple[float, float] | None = None,
 ) -> TimedReference:
     """Return the fastest motion along ``path`` within ``limits``, from rest to rest.
 
@@ -45,7 +49,12 @@ def time_within_limits(
         path: Path to follow; it may consist of a turn on the spot.
         chassis: Wheel kinematics and wheel speed limit.
         limits: All other limits.
-        heading: Kind of heading; ``free`` needs the extra ``casadi``.
+        heading: Kind of heading. ``path``: that of the path; ``tangent``: the direction of travel;
+            ``fixed``: one heading; ``face``: toward ``target``; ``goal-first``, ``goal-last``: from
+            the heading of the start to that of the goal within a metre of the start or the goal;
+            ``fastest``: the constant angle to the direction of travel (steps of 15 degrees), the
+            tangent, the path's headings or a fixed one, whichever takes the shortest time;
+            ``free``: optimised for time, needs the extra ``casadi``.
         yaw: Heading for ``fixed``, in rad; None: the heading at the start or, if that is free, at
             the goal or, if both are free, the first heading of the path.
         start_yaw: Heading at the start, in rad, modulo whole turns; None: free.
@@ -53,9 +62,11 @@ def time_within_limits(
         duration: Duration to which the whole motion is slowed, in s; None: the shortest.
         start_twist: Twist in W at the start, along the path; m/s, m/s, rad/s. None: rest.
         zones: Map whose ``max_speed`` also limits the speed of the origin of B.
+        target: Point (x, y) in W, m, for ``face``.
 
     Raises:
-        InvalidInput: A limit or a heading is outside its domain, or its kind is unknown.
+        InvalidInput: A limit or a heading is outside its domain, or its kind is unknown, or there
+            is no target for ``face``.
         InvalidReference: The path does not move, has no direction of travel for heading
             ``tangent``, cannot be followed in ``duration``, contradicts an end heading, or
             cannot be followed from ``start_twist`` on: its direction is another one, or the
@@ -65,20 +76,50 @@ def time_within_limits(
     check_choice("heading", heading, get_args(Heading))
     rows = limit_rows(chassis, limits)
     check_end_headings(start_yaw, goal_yaw)
-    kind: FixedHeading = "path" if heading == "free" else heading
-    if heading == "free":
-        path = free_heading(path, rows, start_yaw, goal_yaw)
-    elif heading == "fixed" and yaw is None:
-        yaw = goal_yaw if start_yaw is None else start_yaw
-    pieces = PiecewisePath.of(path, kind, yaw)
-    _check_ends(pieces, heading, (start_yaw, goal_yaw))
     zone_speeds = None if zones is None or zones.max_speed is None else zones.max_speeds
-    reference = time_optimal_reference(pieces, rows, _start_speed(pieces, start_twist), zone_speeds)
+    candidates = _with_heading(path, rows, heading, yaw, (start_yaw, goal_yaw), target)
+    for each in candidates:
+        _check_ends(each, heading, (start_yaw, goal_yaw))
+    if len(candidates) > _BEST:
+        ranked = sorted(candidates, key=lambda e: estimated_duration(e, rows, zone_speeds))
+        candidates = [*ranked[:_BEST], *(each for each in ranked[_BEST:] if each.tangent)]
+    timed = [
+        time_optimal_reference(each, rows, _start_speed(each, start_twist), zone_speeds)
+        for each in candidates
+    ]
+    reference = min(timed, key=lambda each: each.duration)
     if duration is not None:
         reference = reference.with_duration(duration)
     if start_twist is not None:
         _check_start(reference, start_twist)
     return reference
+
+
+def _with_heading(  # noqa: PLR0917
+    path: SplinePath,
+    rows: tuple[LimitRows, ...],
+    heading: Heading,
+    yaw: float | None,
+    ends: tuple[float | None, float | None],
+    target: tuple[float, float] | None,
+) -> list[PiecewisePath]:
+    """Return the path with a kind of heading; for ``fastest`` all that are compared."""
+    kind: FixedHeading = "path"
+    if heading == "fastest":
+        return fast_candidates(path, *ends)
+    if heading == "free":
+        path = free_heading(path, rows, *ends)
+    elif heading == "face":
+        if target is None:
+            raise InvalidInput("heading 'face' needs a target (x, y) in m")
+        path = facing(path, target, *ends)
+    elif heading in {"goal-first", "goal-last"}:
+        path = turning_once(path, *ends, early=heading == "goal-first")
+    elif heading in {"tangent", "fixed"}:
+        kind = "tangent" if heading == "tangent" else "fixed"
+        if heading == "fixed" and yaw is None:
+            yaw = ends[1] if ends[0] is None else ends[0]
+    return [PiecewisePath.of(path, kind, yaw)]
 
 
 def _start_speed(path: PiecewisePath, twist: WorldTwist | None) -> float:

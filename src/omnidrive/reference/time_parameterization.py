@@ -79,6 +79,14 @@ def time_optimal_reference(
     return reference.with_duration(reference.duration * usage**0.5) if usage > 1.0 else reference
 
 
+def estimated_duration(
+    path: PiecewisePath, limits: tuple[LimitRows, ...], zone_speeds: ZoneSpeeds | None = None
+) -> float:
+    """Return the duration (s) of :func:`time_optimal_reference` on a coarse grid, for rankings."""
+    per_piece = max(2, -(-_FIRST_NODES // len(path.pieces)))
+    return _on_grid(path, limits, per_piece, 0.0, zone_speeds).duration
+
+
 def _on_grid(  # noqa: PLR0917
     path: PiecewisePath,
     limits: tuple[LimitRows, ...],

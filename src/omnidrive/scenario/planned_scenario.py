@@ -303,6 +303,7 @@ def _timed(
         start_yaw=scenario.start.yaw,
         goal_yaw=scenario.goal.yaw,
         zones=plan_.costs,
+        target=timing.target,
     )
     return plan_.spline, reference, ""
 

@@ -136,8 +136,13 @@ class TimingSection(Section):
     headings optimised for time (needs the extra `casadi`)."""
     heading: Heading = "path"
     """Heading with the law `limits`. `path`: headings of the planned path; `tangent`: direction of
-    motion; `fixed`: heading of the start; `free`: optimised for time (needs the extra
-    `casadi`)."""
+    motion; `fixed`: heading of the start; `face`: toward the point ``target``; `goal-first`,
+    `goal-last`: turn from the heading of the start to that of the goal within a metre of the start
+    or the goal; `fastest`: the constant angle to the direction of motion with the shortest
+    duration, because the top speed of an omni robot depends on the direction; `free`: optimised for
+    time (needs the extra `casadi`)."""
+    target: tuple[_Coordinate, _Coordinate] | None = None
+    """Point (x, y) in W that the robot faces with the heading `face`, m."""
     traction: Annotated[float, Bounds(0.01, 100.0, "1")] = force_share.REFERENCES
     """Maximum acceleration, as a multiple of that at the friction and torque limits. Plans of
     `holonomic-nmpc` use at most 0.8 of it; a faster motion is followed with a delay."""
@@ -151,6 +156,8 @@ class TimingSection(Section):
     def _check_heading(self) -> TimingSection:
         if self.heading != "path" and self.law != "limits":
             raise ValueError(f"heading: '{self.heading}' needs the law limits, not {self.law}")
+        if (self.heading == "face") != (self.target is not None):
+            raise ValueError("target: a point for the heading 'face', and only for it")
         return self
 
 
