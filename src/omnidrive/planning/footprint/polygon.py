@@ -58,6 +58,13 @@ class Polygon:
         """Distance in m from the origin of B to the farthest corner."""
         return float(np.hypot(*self.corners.T).max())
 
+    @staticmethod
+    def turned(points: Float[Array, "*n 2"], yaw: float) -> Float[Array, "*n 2"]:
+        """Return points turned counter-clockwise about the origin."""
+        along, across = np.cos(yaw), np.sin(yaw)
+        turned: Float[Array, "*n 2"] = points @ np.array([[along, across], [-across, along]])
+        return turned
+
     def __str__(self) -> str:
         """Describe the polygon by its extent in B."""
         length, width = np.ptp(self.corners, axis=0).tolist()

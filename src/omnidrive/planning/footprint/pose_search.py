@@ -140,25 +140,30 @@ class PoseSearch:
 
     def search(self, start: CellPose, goal: CellPose) -> PoseSearchResult:
         """Find a shortest path; arguments and errors as for :func:`search_poses`."""
+        return self.search_between(self._ends("start", start), self._ends("goal", goal))
+
+    def search_between(self, starts: Ends, goals: Ends) -> PoseSearchResult:
+        """Find a shortest path from one of the starts to one of the goals.
+
+        The cost counts the moves between them, without the lengths of the ends.
+
+        Raises:
+            NoPathFound: There is no path.
+        """
         began = perf_counter()
-        starts, goals = self._ends("start", start), self._ends("goal", goal)
-        path, expansions = self.path_between(starts, goals)
-        cells, headings = self.cells_and_headings(path)
+        path, expansions = self._path_between(starts, goals)
+        cells, headings = self._cells_and_headings(path)
         return PoseSearchResult(
             cells,
             headings,
-            self.poses_of(cells, headings),
+            self._poses_of(cells, headings),
             self._cost(cells),
             expansions,
             perf_counter() - began,
         )
 
-    def path_between(self, starts: Ends, goals: Ends) -> tuple[Int64[Array, " path"], int]:
-        """Return the poses of a shortest path from a start to a goal, and the expansions.
-
-        Raises:
-            NoPathFound: There is no path.
-        """
+    def _path_between(self, starts: Ends, goals: Ends) -> tuple[Int64[Array, " path"], int]:
+        """Return the poses of a shortest path and the number of expansions."""
         frame = self.layers.frame
         size = frame.size + 64
         to_go, reached = distances_to_go(self._moves, frame.stride, goals, starts, _SLACK)
@@ -190,14 +195,14 @@ class PoseSearch:
             self.layers.poses[heading % HEADINGS], self.layers.frame.index_of((row, col))
         )
 
-    def cells_and_headings(
+    def _cells_and_headings(
         self, path: Int64[Array, " path"]
     ) -> tuple[Int[Array, "path 2"], Int[Array, " path"]]:
         """Return rows and columns, and headings, of poses."""
         size = self.layers.frame.size + 64
         return BitGrid.cells(self.layers.frame, path % size), path // size
 
-    def poses_of(
+    def _poses_of(
         self, cells: Int[Array, "path 2"], headings: Int[Array, " path"]
     ) -> Float[Array, "path 3"]:
         """Return x, y in m and yaw in rad, unwrapped, of cells and headings."""

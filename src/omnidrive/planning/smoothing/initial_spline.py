@@ -44,7 +44,7 @@ def certified_initial_spline(
     edges = chord_clearances(obstacles, polygon, clearance / _CLEARANCE_FRACTION)
     corners, levels = _corners(polygon), np.zeros(len(polygon), int)
     while True:
-        control_points, vertices = _along(polygon, levels)
+        control_points, vertices = along(polygon, levels)
         curve = pieces(control_points)
         clearances = piece_clearances(
             obstacles, curve.positions, curve.second_derivatives, TOLERANCE, clearance
@@ -69,7 +69,7 @@ def _corners(polygon: Float[Array, "points 2"]) -> Bool[Array, " points"]:
     return np.concatenate([[False], (np.abs(across) > _STRAIGHT) | back, [False]])
 
 
-def _along(
+def along(
     polygon: Float[Array, "points 2"], levels: Int[Array, " points"]
 ) -> tuple[Float[Array, "more 2"], Int[Array, " more"]]:
     """Return control points on a polygon, and the index of the polygon vertex of each."""

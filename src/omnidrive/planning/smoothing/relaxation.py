@@ -68,7 +68,7 @@ def relax(
     if costs.size > 0:
         _set_cost_limits(spline)
     strides = [stride for stride in _STRIDES if 4 * stride <= count or stride == 1]
-    move_weights = {stride: _move_weights(stride) for stride in strides}
+    move_weights = {stride: move_weights_of(stride) for stride in strides}
     for cycle in range(_CYCLES):
         accepted = 0
         for stride in strides:
@@ -78,7 +78,7 @@ def relax(
     return spline.control_points
 
 
-def _move_weights(stride: int) -> Float[Array, " window"]:
+def move_weights_of(stride: int) -> Float[Array, " window"]:
     """Return the weights of the control points in a move: a cubic B-spline over four strides."""
     if stride == 1:
         return np.ones(1)
