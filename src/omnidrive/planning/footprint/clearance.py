@@ -31,7 +31,7 @@ def footprint_clearance(
     grid: OccupancyGrid,
     footprint: Float[Array, "corners 2"],
     path: SplinePath,
-    tolerance: float = 1e-2,
+    tolerance: float = 1e-3,
 ) -> float:
     """Return a proved lower bound on the distance in m from a polygon along a path to obstacles.
 

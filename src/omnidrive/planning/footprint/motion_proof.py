@@ -150,7 +150,7 @@ def corner_acceleration(motion: Motion, j: int) -> float:
     It is at most |p''| + R (|yaw''| + yaw'^2). The second derivatives are linear, and yaw' lies
     between its Bezier control points. The speed of a straight piece does not matter.
     """
-    turn = motion.poses[j + 1, 2] - motion.poses[j, 2]
+    turn: float = motion.poses[j + 1, 2] - motion.poses[j, 2]
     if _is_straight(motion, j):
         return motion.radius * turn * turn
     first, last = motion.second_derivatives[j], motion.second_derivatives[j + 1]

@@ -118,38 +118,49 @@ def plan_footprint(
         )
     except (InvalidWaypoint, NoPathFound) as error:
         reason = f"no path for the disc of radius {radius:.4g} m about the robot: {error}"
-    else:
-        return FootprintPlan(
-            "disc",
-            f"the disc of radius {radius:.4g} m about the robot has a path, so its heading is free",
-            planned.search_result,
-            planned.grid_path,
-            planned.spline,
-            planned.clearance,
-            planned.free_space,
-            grid,
-        )
-    try:
-        found, poses = query.search(start, goal)
-    except (InvalidWaypoint, NoPathFound) as failure:
-        if inflation_margin == 0.0 or not _has_way(grid, footprint, start, goal):
-            raise
-        kept = f"the polygon must keep the margin of {inflation_margin:.4g} m"
-        raise type(failure)(f"{failure}; {kept}: {LOWER_MARGIN}") from None
-    spline = query.smoothed(poses)
-    proved = footprint_clearance(free_space, footprint, spline)
-    # the search has proved the parts that follow its polyline
+        return _polygon_plan(grid, query, (start, goal), inflation_margin, reason)
     return FootprintPlan(
-        "polygon", reason, found, Path(poses), spline, max(proved, 0.0), free_space, grid
+        "disc",
+        f"the disc of radius {radius:.4g} m about the robot has a path, so its heading is free",
+        planned.search_result,
+        planned.grid_path,
+        planned.spline,
+        planned.clearance,
+        planned.free_space,
+        grid,
     )
 
 
+def _polygon_plan(
+    grid: OccupancyGrid,
+    query: _PolygonQuery,
+    waypoints: tuple[Waypoint, Waypoint],
+    margin: float,
+    reason: str,
+) -> FootprintPlan:
+    """Return the plan of the polygon; arguments and errors as for :func:`plan_footprint`."""
+    footprint = query.poses.footprint
+    try:
+        found, poses = query.search(*waypoints)
+    except (InvalidWaypoint, NoPathFound) as failure:
+        if margin == 0.0 or not _has_way(grid, footprint, waypoints):
+            raise
+        kept = f"the polygon must keep the margin of {margin:.4g} m"
+        raise type(failure)(f"{failure}; {kept}: {LOWER_MARGIN}") from None
+    spline = query.smoothed(poses)
+    # the search has proved that the parts that follow its polyline are free
+    proved = max(footprint_clearance(query.grid, footprint, spline), 0.0)
+    return FootprintPlan("polygon", reason, found, Path(poses), spline, proved, query.grid, grid)
+
+
 def _has_way(
-    grid: OccupancyGrid, footprint: Float[Array, "corners 2"], start: Waypoint, goal: Waypoint
+    grid: OccupancyGrid,
+    footprint: Float[Array, "corners 2"],
+    waypoints: tuple[Waypoint, Waypoint],
 ) -> bool:
     """Return whether there is a path of the polygon without a margin."""
     try:
-        _PolygonQuery(grid, PoseSearch(grid, footprint)).search(start, goal)
+        _PolygonQuery(grid, PoseSearch(grid, footprint)).search(*waypoints)
     except (InvalidWaypoint, NoPathFound):
         return False
     return True
