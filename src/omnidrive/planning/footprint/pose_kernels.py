@@ -1,6 +1,7 @@
 """Kernels of the search over cells and headings.
 
-A pose is cell + heading * cells, where the cell is the index of its bit in a layer.
+A pose is 72 cell + heading, where the cell is the index of its bit in a layer: the headings of a
+cell lie next to each other, so that a search touches little memory.
 """
 
 from __future__ import annotations
@@ -73,11 +74,11 @@ def distances_to_go(
     """
     size = 64 * moves.shape[1]
     lengths, missing = np.full(size, INFINITE), np.zeros(size, np.bool_)
-    missing[starts.poses % size] = True
+    missing[starts.poses // HEADINGS] = True
     left, reached = missing.sum(), False
     queue, ring, waiting = _new_queue(goals.lengths, 2 * DIAGONAL)
     for i in range(len(goals.poses)):
-        cell, length = goals.poses[i] % size, goals.lengths[i]
+        cell, length = goals.poses[i] // HEADINGS, goals.lengths[i]
         if length < lengths[cell]:
             lengths[cell], waiting = length, waiting + 1
             push(queue, ring, length >> BUCKET_SHIFT, cell)
@@ -140,9 +141,8 @@ def explore(
     A* (Hart, Nilsson & Raphael 1968). A word holds the length of the shortest known path to a pose,
     a flag of an expanded pose, and the code of the last move; it is 0 if the pose was not reached.
     """
-    size = 64 * space.poses.shape[1]
     longest = max(2 * DIAGONAL, 2 * space.turn)
-    estimates = _estimates(starts, bounds, size)
+    estimates = _estimates(starts, bounds)
     base = estimates.min()
     queue, ring, waiting = _new_queue(estimates, longest)
     for i in range(len(estimates)):
@@ -161,18 +161,18 @@ def explore(
         if word & _CLOSED:
             continue
         words[at], expansions = word | _CLOSED, expansions + 1
-        to_end = _length_to_end(goals, bounds.cells[at % size], at)
+        to_end = _length_to_end(goals, bounds.cells[at // HEADINGS], at)
         if (word >> _SHIFT) + to_end < best:
             best, found = (word >> _SHIFT) + to_end, at
         if is_full(queue, ring, waiting + 16):
             queue = enlarge(queue)
-        moves = _moves_from(space, at // size, at % size, word & _MASK)
+        moves = _moves_from(space, at % HEADINGS, at // HEADINGS, word & _MASK)
         while moves != 0:
             move = trailing_zeros(moves)
             moves &= moves - 1
-            to = _after(at, move, size, space.stride)
+            to = _after(at, move, space.stride)
             length = (word >> _SHIFT) + (_STEPS[move] if move < 8 else space.turn)
-            known, estimate = words[to], _estimate(bounds, to, size, length)
+            known, estimate = words[to], _estimate(bounds, to, length)
             if (known == 0 or known >> _SHIFT > length) and estimate < best:
                 words[to] = length << _SHIFT | (move + 1)
                 push(queue, ring, max(bucket, (estimate - base) >> BUCKET_SHIFT), to)
@@ -181,19 +181,19 @@ def explore(
 
 
 @inlined
-def _estimate(bounds: Bounds, at: int, size: int, length: int) -> int:
+def _estimate(bounds: Bounds, at: int, length: int) -> int:
     """Return a lower bound on the length of paths that reach a pose with ``length``."""
-    heading = at // size
-    estimate: int = length + bounds.cells[at - heading * size] + bounds.headings[heading]
+    cell = at // HEADINGS
+    estimate: int = length + bounds.cells[cell] + bounds.headings[at - HEADINGS * cell]
     return estimate
 
 
 @compiled
-def _estimates(starts: Ends, bounds: Bounds, size: int) -> Int64[Array, " starts"]:
+def _estimates(starts: Ends, bounds: Bounds) -> Int64[Array, " starts"]:
     """Return the estimate of every start."""
     estimates = np.empty(len(starts.poses), np.int64)
     for i in range(len(estimates)):
-        estimates[i] = _estimate(bounds, starts.poses[i], size, starts.lengths[i])
+        estimates[i] = _estimate(bounds, starts.poses[i], starts.lengths[i])
     return estimates
 
 
@@ -229,37 +229,35 @@ def _moves_from(space: PoseSpace, heading: int, cell: int, code: int) -> int:
 
 
 @inlined
-def _after(at: int, move: int, size: int, stride: int) -> int:
+def _after(at: int, move: int, stride: int) -> int:
     """Return the pose after a move."""
     if move == TURN_LEFT - 1:
-        return at + size if at < (HEADINGS - 1) * size else at - (HEADINGS - 1) * size
+        return at + 1 if at % HEADINGS < HEADINGS - 1 else at - (HEADINGS - 1)
     if move == TURN_RIGHT - 1:
-        return at - size if at >= size else at + (HEADINGS - 1) * size
-    to: int = at + _ROWS[move] * stride + _COLS[move]
+        return at - 1 if at % HEADINGS > 0 else at + (HEADINGS - 1)
+    to: int = at + HEADINGS * (_ROWS[move] * stride + _COLS[move])
     return to
 
 
 @inlined
-def _previous(at: int, code: int, size: int, stride: int) -> int:
+def _previous(at: int, code: int, stride: int) -> int:
     """Return the pose before a move, given by its code, that leads to ``at``."""
     if code > START_MOVE:
-        return _after(at, TURN_LEFT + TURN_RIGHT - code - 1, size, stride)
-    before: int = at - _ROWS[code - 1] * stride - _COLS[code - 1]
+        return _after(at, TURN_LEFT + TURN_RIGHT - code - 1, stride)
+    before: int = at - HEADINGS * (_ROWS[code - 1] * stride + _COLS[code - 1])
     return before
 
 
 @compiled
-def trace(
-    words: Int64[Array, " poses"], size: int, stride: int, goal: int
-) -> Int64[Array, " path"]:
+def trace(words: Int64[Array, " poses"], stride: int, goal: int) -> Int64[Array, " path"]:
     """Return the poses from a start to ``goal`` along the stored moves."""
     count, at = 1, goal
     while words[at] & _MASK != START_MOVE:
-        at = _previous(at, words[at] & _MASK, size, stride)
+        at = _previous(at, words[at] & _MASK, stride)
         count += 1
     path, at = np.empty(count, np.int64), goal
     for i in range(count - 1, -1, -1):
         path[i] = at
         if i > 0:
-            at = _previous(at, words[at] & _MASK, size, stride)
+            at = _previous(at, words[at] & _MASK, stride)
     return path

@@ -25,7 +25,6 @@ from omnidrive.planning.footprint.pose_kernels import (
     explore,
     trace,
 )
-from omnidrive.planning.search.bitgrid import BitGrid
 from omnidrive.planning.search.heuristics import STRAIGHT
 from omnidrive.planning.search.moves import pruned_moves
 
@@ -165,7 +164,6 @@ class PoseSearch:
     def _path_between(self, starts: Ends, goals: Ends) -> tuple[Int64[Array, " path"], int]:
         """Return the poses of a shortest path and the number of expansions."""
         frame = self.layers.frame
-        size = frame.size + 64
         to_go, reached = distances_to_go(self._moves, frame.stride, goals, starts, _SLACK)
         if not reached:
             raise NoPathFound(
@@ -174,8 +172,8 @@ class PoseSearch:
         space = PoseSpace(
             self.layers.poses, self.layers.turns, frame.stride, self.turn, pruned_moves(8, False)
         )
-        words = np.zeros(HEADINGS * size, np.int64)  # untouched pages take no memory
-        bounds = Bounds(to_go, self._turns_to_go(goals.poses // size))
+        words = np.zeros(HEADINGS * (frame.size + 64), np.int64)  # untouched pages take no memory
+        bounds = Bounds(to_go, self._turns_to_go(goals.poses % HEADINGS))
         found, expansions = explore(space, starts, goals, bounds, words)
         if found < 0:
             raise NoPathFound(
@@ -183,11 +181,11 @@ class PoseSearch:
                     f"none of the {expansions} poses that the start reaches is the goal"
                 )
             )
-        return trace(words, size, frame.stride, found), expansions
+        return trace(words, frame.stride, found), expansions
 
     def pose_index(self, row: int, col: int, heading: int) -> int:
-        """Return the index of a pose in the layers."""
-        return heading * (self.layers.frame.size + 64) + self.layers.frame.index_of((row, col))
+        """Return the index of a pose, 72 cell + heading."""
+        return HEADINGS * self.layers.frame.index_of((row, col)) + heading
 
     def is_free(self, row: int, col: int, heading: int) -> bool:
         """Whether the polygon is free at the centre of a cell of the grid."""
@@ -199,8 +197,7 @@ class PoseSearch:
         self, path: Int64[Array, " path"]
     ) -> tuple[Int[Array, "path 2"], Int[Array, " path"]]:
         """Return rows and columns, and headings, of poses."""
-        size = self.layers.frame.size + 64
-        return BitGrid.cells(self.layers.frame, path % size), path // size
+        return self.layers.frame.cells(path // HEADINGS), path % HEADINGS
 
     def _poses_of(
         self, cells: Int[Array, "path 2"], headings: Int[Array, " path"]
