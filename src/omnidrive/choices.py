@@ -17,8 +17,14 @@ TimingName = Literal["uniform", "limits", "minimum-time"]
 Heading = Literal[
     "path", "tangent", "fixed", "face", "goal-first", "goal-last", "fastest", "free"
 ]  # fmt: skip
-"""Headings of the path; direction of travel; one constant heading; toward a point; turn near the
-start; turn near the goal; fastest constant angle to the direction of travel; optimised for time."""
+"""Headings of a motion along a path.
+
+``path``: those of the path; ``tangent``: the direction of travel; ``fixed``: one heading; ``face``:
+toward a point; ``goal-first``, ``goal-last``: from the heading of the start to that of the goal
+within a metre of the start or the goal; ``fastest``: the angle to the direction of travel (steps of
+15 degrees), the tangent, the path's headings or a fixed one, whichever takes the shortest time;
+``free``: optimised for time.
+"""
 
 TableHeading = Literal["tangent", "fixed"]
 """Direction of travel; along the x axis. Headings of a waypoint table that has none."""

@@ -16,7 +16,12 @@ from omnidrive.planning.path import Path
 from omnidrive.planning.plan import PathOptions, Plan, Waypoint
 from omnidrive.planning.search import GridSearch, SearchResult
 from omnidrive.planning.smoothing.smooth import NO_COSTS, smooth
-from omnidrive.planning.waypoint_checks import as_numbers, check_free, check_waypoint, way_out
+from omnidrive.planning.waypoint_checks import (
+    check_free,
+    check_waypoint,
+    checked_waypoint,
+    way_out,
+)
 
 _CLEARANCE = 0.2
 """Distance in cells from the inflated obstacles that certified paths keep where possible. It hardly
@@ -186,7 +191,9 @@ class Planner:
             NoPathFound: There is no path between them.
         """
         grid, free_space, options = self.grid, self.free_space, self._options
-        start, goal = as_numbers("start", start), as_numbers("goal", goal)
+        start, goal = (
+            checked_waypoint(grid, name, each) for name, each in (("start", start), ("goal", goal))
+        )
         inflations = self._inflation, self._min_inflation
         check_free(grid, free_space, inflations, self._needed)
         for name, waypoint in (("start", start), ("goal", goal)):

@@ -13,7 +13,7 @@ from omnidrive.geometry import check_heading
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.plan import Waypoint
 
-_LOWER_MARGIN = (
+LOWER_MARGIN = (
     "lower the margin (--margin on the command line; in Python it is part of the keyword "
     "inflation), or choose a smaller robot or a finer map"
 )
@@ -22,7 +22,30 @@ _BLOCKED = "a robot of any size needs a gap in the obstacles; check start, goal 
 """Ways out of a map that is too narrow for the robot."""
 
 
-def as_numbers(name: str, waypoint: Waypoint) -> Waypoint:
+def checked_waypoint(grid: OccupancyGrid, name: str, waypoint: Waypoint) -> Waypoint:
+    """Return the waypoint as floats.
+
+    Raises:
+        InvalidInput: The heading seems to be in degrees.
+        InvalidWaypoint: It is not numeric or not finite, or lies outside the map.
+    """
+    waypoint = _numbers(name, waypoint)
+    where = f"the {name} ({waypoint.x:g}, {waypoint.y:g}) m"
+    if not np.isfinite(waypoint[:2]).all() or not (
+        waypoint.yaw is None or np.isfinite(waypoint.yaw)
+    ):
+        raise InvalidWaypoint(f"{where} must be finite numbers: x and y in m, heading in rad")
+    check_heading(f"the {name}'s heading", waypoint.yaw or 0.0)
+    if not grid.contains(*grid.cell(waypoint.x, waypoint.y)):
+        left, right, bottom, top = grid.extent
+        raise InvalidWaypoint(
+            f"{where} lies outside the map, which spans x {left:g} to {right:g} m "
+            f"and y {bottom:g} to {top:g} m"
+        )
+    return waypoint
+
+
+def _numbers(name: str, waypoint: Waypoint) -> Waypoint:
     """Return the waypoint as floats."""
     values: tuple[Any, ...] = tuple(waypoint) if isinstance(waypoint, Iterable) else (waypoint,)
     numbers = values[:2] + tuple(value for value in values[2:] if value is not None)
@@ -52,19 +75,8 @@ def check_waypoint(
     waypoint: Waypoint,
     needed: str,
 ) -> None:
-    """Raise InvalidWaypoint outside the map, in an obstacle or nearer to one than ``needed``."""
+    """Raise InvalidWaypoint in an obstacle, or nearer to one than ``needed``."""
     where = f"the {name} ({waypoint.x:g}, {waypoint.y:g}) m"
-    if not np.isfinite(waypoint[:2]).all() or not (
-        waypoint.yaw is None or np.isfinite(waypoint.yaw)
-    ):
-        raise InvalidWaypoint(f"{where} must be finite numbers: x and y in m, heading in rad")
-    check_heading(f"the {name}'s heading", waypoint.yaw or 0.0)
-    if not grid.contains(*grid.cell(waypoint.x, waypoint.y)):
-        left, right, bottom, top = grid.extent
-        raise InvalidWaypoint(
-            f"{where} lies outside the map, which spans x {left:g} to {right:g} m "
-            f"and y {bottom:g} to {top:g} m"
-        )
     if not free_space.is_occupied(waypoint.x, waypoint.y):
         return
     nearest = free_space.nearest_free(waypoint.x, waypoint.y)
@@ -100,5 +112,5 @@ def way_out(
         is_wide_enough: Whether an inflated map is wide enough.
     """
     if minimum < inflation and is_wide_enough(grid.inflated(minimum)):
-        return _LOWER_MARGIN
+        return LOWER_MARGIN
     return _SMALLER_ROBOT if is_wide_enough(grid) else _BLOCKED

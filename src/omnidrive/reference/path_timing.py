@@ -17,7 +17,11 @@ from omnidrive.reference.heading_policies import facing, fast_candidates, turnin
 from omnidrive.reference.initial_headings import check_end_headings
 from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
 from omnidrive.reference.piecewise_path import FixedHeading, PiecewisePath
-from omnidrive.reference.time_parameterization import estimated_duration, time_optimal_reference
+from omnidrive.reference.time_parameterization import (
+    ZoneSpeeds,
+    estimated_duration,
+    time_optimal_reference,
+)
 from omnidrive.reference.timed_reference import TimedReference
 from omnidrive.robot import Chassis
 
@@ -49,12 +53,8 @@ def time_within_limits(
         path: Path to follow; it may consist of a turn on the spot.
         chassis: Wheel kinematics and wheel speed limit.
         limits: All other limits.
-        heading: Kind of heading. ``path``: that of the path; ``tangent``: the direction of travel;
-            ``fixed``: one heading; ``face``: toward ``target``; ``goal-first``, ``goal-last``: from
-            the heading of the start to that of the goal within a metre of the start or the goal;
-            ``fastest``: the constant angle to the direction of travel (steps of 15 degrees), the
-            tangent, the path's headings or a fixed one, whichever takes the shortest time;
-            ``free``: optimised for time, needs the extra ``casadi``.
+        heading: Kind of heading, see :data:`omnidrive.choices.Heading`; ``free`` needs the extra
+            ``casadi``.
         yaw: Heading for ``fixed``, in rad; None: the heading at the start or, if that is free, at
             the goal or, if both are free, the first heading of the path.
         start_yaw: Heading at the start, in rad, modulo whole turns; None: free.
@@ -81,8 +81,7 @@ def time_within_limits(
     for each in candidates:
         _check_ends(each, heading, (start_yaw, goal_yaw))
     if len(candidates) > _BEST:
-        ranked = sorted(candidates, key=lambda e: estimated_duration(e, rows, zone_speeds))
-        candidates = [*ranked[:_BEST], *(each for each in ranked[_BEST:] if each.tangent)]
+        candidates = _fastest(candidates, rows, zone_speeds)
     timed = [
         time_optimal_reference(each, rows, _start_speed(each, start_twist), zone_speeds)
         for each in candidates
@@ -120,6 +119,14 @@ def _with_heading(  # noqa: PLR0917
         if heading == "fixed" and yaw is None:
             yaw = ends[1] if ends[0] is None else ends[0]
     return [PiecewisePath.of(path, kind, yaw)]
+
+
+def _fastest(
+    paths: list[PiecewisePath], rows: tuple[LimitRows, ...], zone_speeds: ZoneSpeeds | None
+) -> list[PiecewisePath]:
+    """Return the paths with the shortest estimated durations, and the tangent."""
+    ranked = sorted(paths, key=lambda each: estimated_duration(each, rows, zone_speeds))
+    return [*ranked[:_BEST], *(each for each in ranked[_BEST:] if each.tangent)]
 
 
 def _start_speed(path: PiecewisePath, twist: WorldTwist | None) -> float:

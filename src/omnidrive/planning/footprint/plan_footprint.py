@@ -32,9 +32,11 @@ from omnidrive.planning.footprint.smoothing import smooth_poses
 from omnidrive.planning.grid_frame import GridFrame
 from omnidrive.planning.path import Path, SplinePath
 from omnidrive.planning.pieces import Pieces
-from omnidrive.planning.plan import LOWER_MARGIN, PathOptions, Waypoint, checked_waypoint, plan
+from omnidrive.planning.plan import PathOptions, Waypoint
+from omnidrive.planning.planner import plan
 from omnidrive.planning.search.heuristics import STRAIGHT
 from omnidrive.planning.search.result import SearchResult
+from omnidrive.planning.waypoint_checks import LOWER_MARGIN, checked_waypoint
 
 _MARGIN = 0.2
 """Distance in cells that smoothed paths of a polygon keep where possible, as in ``plan``."""
