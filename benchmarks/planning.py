@@ -6,6 +6,8 @@ the preparation of a map by a peer is not timed. The result of a query is the me
 rounds, that of a map the median over its queries. A peer that is slow on the first query answers
 only this query, once, and the ratio refers to it. Our path lengths are checked against each other
 and must not exceed those of peers with the same moves.
+
+Rows on paths (planning_paths.py) compare plans with costs with the shortest ones, and headings.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from typing import Any
 import numpy as np
 from figures import at_most, console, publish, ratio, row
 from peer_process import PeerProcess
+from planning_paths import cost_rows, heading_rows
 from scipy import ndimage
 from timing import time_calls
 
@@ -182,8 +185,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     parser.add_argument("--sizes", type=int, nargs="+", default=list(QUERIES))
+    parser.add_argument("--maps", type=Path, nargs="*", default=[], help="map files with costs")
+    parser.add_argument("--paths-only", action="store_true", help="no searches beside peers")
     arguments = parser.parse_args()
-    process, rows = PeerProcess.if_available("planning"), []
+    rows = [*cost_rows(arguments.maps), *heading_rows()]
+    if arguments.paths_only:
+        publish("planning", rows)
+        return
+    process = PeerProcess.if_available("planning")
     for size in arguments.sizes:
         for kind in MAP_KINDS:
             console.print(f"{kind.name}, {size} x {size} cells")
