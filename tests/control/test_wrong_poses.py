@@ -1,4 +1,4 @@
-"""PID controllers after seconds of wrong but usable poses: their integral parts leave nothing."""
+"""Controllers after seconds of wrong but usable poses: integrals and estimates leave nothing."""
 
 import numpy as np
 import pytest
@@ -73,12 +73,16 @@ def errors(controller, robot, wrong):
     ("robot", "name"),
     [
         ("kiwi", "pid"),
+        ("small", "holonomic-nmpc"),
+        pytest.param("kiwi", "holonomic-nmpc", marks=pytest.mark.long),
+        pytest.param("paper", "holonomic-nmpc", marks=pytest.mark.long),
+        pytest.param("small", "adrc", marks=pytest.mark.long),
         pytest.param("small", "fuzzy_t2", marks=pytest.mark.long),
         pytest.param("small", "pid", marks=pytest.mark.long),
         pytest.param("kiwi", "fuzzy_t2", marks=pytest.mark.long),
     ],
 )
-def test_wrong_poses_leave_nothing_in_the_integral(robot, name, wrong):
+def test_wrong_poses_leave_nothing(robot, name, wrong):
     """What remains is the way back: a controller that was just reset errs as much."""
     robot = named_robot(robot)
     context = ControllerContext(robot, DT, np.random.default_rng(0), "recommended")

@@ -138,6 +138,14 @@ def update_reached(  # noqa: PLR0917
 
 
 @compiled
+def forget_response(state: Any) -> None:
+    """Forget what has been seen of accelerations."""
+    response = state.response
+    response.excess_ratio = response.delayed = response.absent = 0.0
+    response.late = response.prompt = 0.0
+
+
+@compiled
 def _update_delay(response: Any, share: float, load: float, is_first: bool, dt: float) -> None:
     """Update how much the response is delayed, absent, late or prompt.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import cos, isfinite, sin
 from typing import Any, NamedTuple
 
 from omnidrive.compiled import compiled
@@ -13,7 +13,7 @@ from omnidrive.estimation.drive.drive_identification import (
     START,
     DriveSample,
 )
-from omnidrive.estimation.motion.acceleration_ratio import update_reached
+from omnidrive.estimation.motion.acceleration_ratio import forget_response, update_reached
 from omnidrive.estimation.motion.caution import unknown_delay, update_caution
 from omnidrive.estimation.motion.motion_memory import MotionMemory, restart
 from omnidrive.estimation.motion.motion_observer import (
@@ -24,12 +24,16 @@ from omnidrive.estimation.motion.motion_observer import (
     predict,
 )
 from omnidrive.estimation.motion.pose_noise import NOISY, axis_variance
-from omnidrive.estimation.motion.robot_model import RobotModel, is_plausible
+from omnidrive.estimation.motion.robot_model import RobotModel, fastest_wheel, is_plausible
+from omnidrive.geometry.kernels import wrap_angle
 from omnidrive.robot.slip import Vector
 
 _MIN_GAP, _MAX_GAP = 0.5, 5.0
 """Sample times since the last step: up to the first the clock is wrong, and one sample time has
 passed; after the second the motion observer starts again."""
+_JUMP = 2.0
+"""Wheel speed of the displacement between two samples, as a multiple of the maximum, above which
+the poses are wrong."""
 _EXPLAINED = 2.0
 """Mean square of the innovations of a hypothesis over their variance, up to which it explains the
 motion."""
@@ -75,10 +79,26 @@ def observe(
     if known:
         correct_twist(robot.model, state, now.twist, dt)
     event = CONTINUE if steady else APPROACH
+    if now.fresh and _jumps(robot, pose, now.pose, elapsed):
+        forget_response(state)
+        event, elapsed = START, dt
     _identify(robot.identify, event, robot, memory, now, elapsed, dt)
     steady = steady and shares.disturbed <= STEADY_SATURATION
     state.lead = state.drive.lag if steady else 0.0
     state.yaw_lead = state.drive.yaw_lag if steady else 0.0
+
+
+@compiled
+def _jumps(robot: RobotModel, before: Vector, measured: Vector, elapsed: float) -> bool:
+    """Return whether a robot cannot have moved from an estimated pose to a measured one.
+
+    The poses before or those from now on are wrong, so that what they have shown of the drive may
+    be wrong, too.
+    """
+    c, s = cos(before[2]), sin(before[2])
+    x, y = measured[0] - before[0], measured[1] - before[1]
+    twist = (c * x + s * y, c * y - s * x, wrap_angle(measured[2] - before[2]))
+    return fastest_wheel(robot, twist) > _JUMP * robot.max_wheel_speed * elapsed
 
 
 @compiled
