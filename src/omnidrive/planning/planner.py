@@ -161,9 +161,9 @@ class Planner:
         radius = 0.0 if self._around is None else self._around.radius
         shape = np.array(self.grid.occupied.shape)
         reach = ceil(max(self._inflation, radius) / self.grid.resolution) + 2
-        inner = slice_of((low - reach).clip(0), (high + reach).clip(max=shape))
+        inner = _slices((low - reach).clip(0), (high + reach).clip(max=shape))
         first = (low - 2 * reach).clip(0)
-        outer = slice_of(first, (high + 2 * reach).clip(max=shape))
+        outer = _slices(first, (high + 2 * reach).clip(max=shape))
         part = replace(self.grid, occupied=self.grid.occupied[outer])
         within = tuple(
             slice(i.start - f, i.stop - f) for i, f in zip(inner, first.tolist(), strict=True)
@@ -231,7 +231,7 @@ class Planner:
         )
 
 
-def slice_of(low: Int[Array, " 2"], high: Int[Array, " 2"]) -> tuple[slice, slice]:
+def _slices(low: Int[Array, " 2"], high: Int[Array, " 2"]) -> tuple[slice, slice]:
     """Return the rows and columns from ``low`` to before ``high``."""
     (top, left), (bottom, right) = low.tolist(), high.tolist()
     return slice(top, bottom), slice(left, right)
