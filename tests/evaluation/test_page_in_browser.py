@@ -96,7 +96,7 @@ def visit(browser, text_of, tmp_path):
         page = context.new_page()
         page.on("console", on_message)
         page.on("pageerror", lambda error: problems.append(str(error)))
-        page.goto(path.as_uri())
+        page.goto(path.as_uri(), timeout=180_000.0)  # ms; on a busy machine
         return page
 
     yield opened
@@ -107,7 +107,7 @@ def visit(browser, text_of, tmp_path):
 
 def wait_until(page, condition):
     """Poll a condition; the content security policy forbids ``wait_for_function``."""
-    deadline = monotonic() + 20.0
+    deadline = monotonic() + 120.0
     while not page.evaluate(condition):
         assert monotonic() < deadline, condition
         page.wait_for_timeout(20)

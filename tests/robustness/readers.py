@@ -34,7 +34,14 @@ from omnidrive.fuzzy import (
 from omnidrive.fuzzy.csv_rows import evaluate_csv
 from omnidrive.fuzzy.files.fcl import write_fcl
 from omnidrive.geometry import BodyTwist
-from omnidrive.maps import OccupancyGrid, load_map, load_queries, save_nav2_map
+from omnidrive.maps import (
+    CostMap,
+    OccupancyGrid,
+    load_costs,
+    load_map,
+    load_queries,
+    save_nav2_map,
+)
 from omnidrive.planning import Path as PosePath
 from omnidrive.reference.sampled_reference import SampledReference
 from omnidrive.reference.waypoint_reference import waypoint_reference
@@ -95,7 +102,14 @@ def _maps(folder):
     rows = b"".join(b"".join(b"#" if cell else b"." for cell in row) + b"\n" for row in cells)
     image = {"m.yaml": yaml.replace(b"m.pgm", b"image")}
     small = OccupancyGrid(np.zeros((3, 4), bool), 1.0)
+    mask = CostMap.of(OccupancyGrid(np.zeros((9, 12), bool), 0.05, (-1.0, 2.0), yaw=0.1))
+    scale = yaml.replace(b"trinary", b"scale") + b"type: 2\nbase: 0.1\nmultiplier: 0.02\n"
     return {
+        "keep-out mask": Reader("m.yaml", (yaml, scale), mask.with_keepout, {"m.pgm": pgm}),
+        "speed mask": Reader(
+            "m.yaml", (scale,), lambda path: mask.with_speed_mask(path, 2.0), {"m.pgm": pgm}
+        ),
+        "costs": Reader("c.npy", arrays, lambda path: load_costs(path, mask.grid)),
         "nav2": Reader("m.yaml", (yaml,), _read_map, {"m.pgm": pgm}),
         "image": Reader(
             "image", _images(cells), lambda path: _read_map(path.with_name("m.yaml")), image

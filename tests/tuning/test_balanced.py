@@ -175,7 +175,7 @@ def test_direction_and_zero_before():
 
 def test_default_tuning_gains_on_other_motions_and_resumes(tmp_path):
     settings = TuningSettings(
-        controller="slow", trials=10, parameters=("position.kp", "heading.kp")
+        controller="slow", trials=16, parameters=("position.kp", "heading.kp")
     )
     result = tune(Tuning.of(scenario(), settings), tmp_path)
     assert [each.text for each in result.tuning.objectives] == ["balanced"]

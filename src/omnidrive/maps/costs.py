@@ -148,8 +148,8 @@ class CostMap:
         Raises:
             InvalidMap: The mask cannot be read, or its size or frame is not that of the map.
         """
-        grades = _grades_on(self.grid, path)
-        known = np.nan_to_num(grades, nan=0.0)
+        path = to_path(path)
+        known = np.nan_to_num(_grades_on(self.grid, path), nan=0.0)
         forbidden = known >= _LETHAL
         grid = replace(self.grid, occupied=self.grid.occupied | forbidden)
         share = np.where(forbidden, 0.0, known / _LETHAL)
