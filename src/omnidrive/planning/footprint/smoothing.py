@@ -17,7 +17,11 @@ from omnidrive.planning.footprint.motion_proof import (
 )
 from omnidrive.planning.pieces import KnotWeights, knot_weights, pieces
 from omnidrive.planning.smoothing.initial_spline import along
-from omnidrive.planning.smoothing.relaxation import move_weights_of
+from omnidrive.planning.smoothing.relaxation import (
+    move_weights_of,
+    second_derivative_change,
+    update_knots,
+)
 
 _STRIDES = (16, 8, 4, 2, 1)  # distances between the centres of consecutive moves, in control points
 _CYCLES = 6  # over all strides
@@ -86,8 +90,8 @@ def subdivided(poses: Float[Array, "poses 3"], radius: float) -> Float[Array, "m
     steps = np.diff(poses, axis=0)
     directions = steps * (1.0, 1.0, radius)
     directions /= np.linalg.norm(directions, axis=1)[:, None]
-    bends = np.any(np.abs(np.diff(directions, axis=0)) > 1e-9, axis=1)
-    poses = poses[np.concatenate([[True], bends, [True]])]
+    changes = np.any(np.abs(np.diff(directions, axis=0)) > 1e-9, axis=1)
+    poses = poses[np.concatenate([[True], changes, [True]])]
     steps = np.diff(poses, axis=0)
     lengths = np.linalg.norm(steps * (1.0, 1.0, radius), axis=1)
     parts = np.where(lengths > _MAX_STEP, np.ceil(lengths), 1.0)
@@ -106,7 +110,7 @@ def _initial_spline(
         squares, shape._replace(poses=polyline, second_derivatives=np.zeros_like(polyline)),
         margin * _LADDER, HALVINGS,
     )  # fmt: skip
-    bends, levels = _bends(polyline), np.zeros(len(polyline), int)
+    changes, levels = _direction_changes(polyline), np.zeros(len(polyline), int)
     while True:
         control_points, vertices = along(polyline, levels)
         curve = pieces(control_points)
@@ -121,7 +125,7 @@ def _initial_spline(
         violating = _violating(squares, motion, required)
         around = np.unique(np.add.outer(np.flatnonzero(violating), np.arange(4)))
         closer = np.unique(vertices[around])
-        closer = closer[bends[closer] & (levels[closer] < _LEVELS)]
+        closer = closer[changes[closer] & (levels[closer] < _LEVELS)]
         if len(closer) == 0:
             margins = np.where(violating, 0.0, required)
             return PoseSpline(control_points, motion, knot_weights(len(control_points)), margins)
@@ -139,12 +143,12 @@ def _violating(
     return found
 
 
-def _bends(polyline: Float[Array, "points 3"]) -> Bool[Array, " points"]:
+def _direction_changes(polyline: Float[Array, "points 3"]) -> Bool[Array, " points"]:
     """Whether the polyline changes its direction at each point."""
     steps = np.diff(polyline, axis=0)
     directions = steps / np.maximum(np.linalg.norm(steps, axis=1), 1e-300)[:, None]
-    bends = np.any(np.abs(np.diff(directions, axis=0)) > 1e-9, axis=1)
-    return np.concatenate([[False], bends, [False]])
+    changes = np.any(np.abs(np.diff(directions, axis=0)) > 1e-9, axis=1)
+    return np.concatenate([[False], changes, [False]])
 
 
 @compiled
@@ -205,9 +209,7 @@ def _best_step(
     square, step = 0.0, np.zeros(3)
     second = spline.motion.second_derivatives
     for j in range(max(first - 2, 0), min(last + 1, len(second))):
-        change = 0.0
-        for k in range(max(first - j, 0), min(last - j, 2) + 1):
-            change += spline.weights.second_derivatives[j, k] * move_weights[j + k - left]
+        change = second_derivative_change(spline.weights, move_weights, j, first, last, left)
         square += change * change
         for axis in range(3):
             step[axis] -= change * second[j, axis]
@@ -217,16 +219,10 @@ def _best_step(
 @compiled
 def _update(spline: PoseSpline, first: int, last: int) -> None:
     """Update poses and second derivatives at the knots ``first`` to ``last``."""
-    for j in range(first, last + 1):
-        for axis in range(3):
-            pose = second = 0.0
-            for k in range(3):
-                pose += spline.weights.positions[j, k] * spline.control_points[j + k, axis]
-                second += (
-                    spline.weights.second_derivatives[j, k] * spline.control_points[j + k, axis]
-                )
-            spline.motion.poses[j, axis] = pose
-            spline.motion.second_derivatives[j, axis] = second
+    motion = spline.motion
+    update_knots(
+        spline.weights, spline.control_points, motion.poses, motion.second_derivatives, first, last
+    )
 
 
 @compiled

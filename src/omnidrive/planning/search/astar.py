@@ -27,13 +27,13 @@ INFINITE = 1 << 62
 """Greater than the length of any path."""
 _MOVE_MASK = 15
 """Mask of the bits that hold the move by which a cell was reached, plus 1; 0 if unreached."""
-_CLOSED = 16
+CLOSED = 16
 """Flag of an expanded cell; the bits above it hold the length of the shortest known path."""
-_LENGTH_SHIFT = 5
+LENGTH_SHIFT = 5
 """Position of the lowest bit of the length."""
 _CAPACITY = 1 << 12
-_STEPS = np.array([STRAIGHT] * 4 + [DIAGONAL] * 4)
-_ROWS, _COLS = np.array(MOVES).T.copy()
+STEPS = np.array([STRAIGHT] * 4 + [DIAGONAL] * 4)
+ROWS, COLS = np.array(MOVES).T.copy()
 
 
 def astar(
@@ -110,9 +110,9 @@ def _explore(  # noqa: PLR0917
         word = int64(words[at])
         estimate = cost_to_go(heuristic, row - goal_row, col - goal_col)
         so_far = _full_length(words, word, min_estimate - estimate)
-        if word & _CLOSED or so_far >= best:
+        if word & CLOSED or so_far >= best:
             continue
-        words[at], expansions = word | _CLOSED, expansions + 1
+        words[at], expansions = word | CLOSED, expansions + 1
         if is_full(queue, ring, waiting + 8):
             queue = enlarge(queue)
         around = neighbourhood(bits, stride, row * stride + col)
@@ -120,14 +120,14 @@ def _explore(  # noqa: PLR0917
         while moves != 0:
             move = trailing_zeros(moves)
             moves &= moves - 1
-            down, right = row + _ROWS[move], col + _COLS[move]
-            length, at = so_far + _STEPS[move], tile_index(stride, down, right)
+            down, right = row + ROWS[move], col + COLS[move]
+            length, at = so_far + STEPS[move], tile_index(stride, down, right)
             if _is_no_improvement(words, at, length):
                 continue
             estimate = length + cost_to_go(heuristic, down - goal_row, right - goal_col)
             if estimate >= best:
                 continue
-            words[at] = length << _LENGTH_SHIFT | move + 1
+            words[at] = length << LENGTH_SHIFT | move + 1
             if down == goal_row and right == goal_col:
                 best = length
                 continue
@@ -144,19 +144,19 @@ def _explore(  # noqa: PLR0917
 def _is_no_improvement(words: Tiles, at: int, length: int) -> bool:
     """Whether the known path to a cell is at most as long as ``length``."""
     word = int64(words[at])
-    return bool(word != 0 and _length_difference(words, length, word >> _LENGTH_SHIFT) >= 0)
+    return bool(word != 0 and _length_difference(words, length, word >> LENGTH_SHIFT) >= 0)
 
 
 @inlined
 def _full_length(words: Tiles, word: int, length: int) -> int:
     """Return the length closest to ``length`` whose low bits are those of ``word``."""
-    return length + _length_difference(words, word >> _LENGTH_SHIFT, length)
+    return length + _length_difference(words, word >> LENGTH_SHIFT, length)
 
 
 @inlined
 def _length_difference(words: Tiles, one: int, other: int) -> int:
     """Return ``one`` - ``other``, of which only the bits stored in a word are known."""
-    above = 64 - (8 * words.itemsize - _LENGTH_SHIFT)
+    above = 64 - (8 * words.itemsize - LENGTH_SHIFT)
     difference: int = int64((one - other) << above) >> above
     return difference
 
@@ -182,11 +182,11 @@ def reconstruct_path(words: Tiles, stride: int, start: int, goal: int) -> Int32[
         if cell == start:
             break
         move = int64(word & _MOVE_MASK) - 1
-        cell -= _ROWS[move] * stride + _COLS[move]
+        cell -= ROWS[move] * stride + COLS[move]
     path, cell = np.empty(count, np.int32), goal
     for i in range(count - 1, -1, -1):
         path[i] = cell
         if i > 0:
             move = int64(words[tile_index(stride, cell // stride, cell % stride)] & _MOVE_MASK) - 1
-            cell -= _ROWS[move] * stride + _COLS[move]
+            cell -= ROWS[move] * stride + COLS[move]
     return path

@@ -7,7 +7,15 @@ from jaxtyping import Int32, Int64, UInt8, UInt16
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
-from omnidrive.planning.search.astar import INFINITE, reconstruct_path
+from omnidrive.planning.search.astar import (
+    CLOSED,
+    COLS,
+    INFINITE,
+    LENGTH_SHIFT,
+    ROWS,
+    STEPS,
+    reconstruct_path,
+)
 from omnidrive.planning.search.bit_ops import int64
 from omnidrive.planning.search.bit_tiles import Tiles, empty_tiles, tile_index
 from omnidrive.planning.search.bitgrid import MARGIN, BitGrid
@@ -19,7 +27,7 @@ from omnidrive.planning.search.bucket_queue import (
     pop,
     push,
 )
-from omnidrive.planning.search.heuristics import DIAGONAL, STRAIGHT, Heuristic, cost_to_go
+from omnidrive.planning.search.heuristics import DIAGONAL, Heuristic, cost_to_go
 from omnidrive.planning.search.moves import MOVES, START_MOVE, neighbourhood
 
 UNIT = 256
@@ -28,10 +36,7 @@ DIRECTIONS = 64
 """Number of directions of lanes."""
 _BUCKET_SHIFT = 25
 """Number of low bits of a cost that one bucket spans: about 0.14 cells without costs."""
-_MOVE_MASK, _CLOSED, _SHIFT = 15, 16, 5  # as in astar.py
 _CAPACITY = 1 << 12
-_STEPS = np.array([STRAIGHT] * 4 + [DIAGONAL] * 4)
-_ROWS, _COLS = np.array(MOVES).T.copy()
 
 
 def cost_astar(  # noqa: PLR0917
@@ -73,7 +78,7 @@ def cost_astar(  # noqa: PLR0917
 def lane_weights(against: int) -> Int64[Array, "lanes moves"]:
     """Return the weight that is added to a cell, by its lane and by the move."""
     angles = 2.0 * np.pi * np.arange(DIRECTIONS)[:, None] / DIRECTIONS
-    turn = np.arctan2(_ROWS, _COLS)[None] - angles
+    turn = np.arctan2(ROWS, COLS)[None] - angles
     added = np.rint(0.5 * against * (1.0 - np.cos(turn))).astype(np.int64)
     return np.vstack([np.zeros((1, len(MOVES)), np.int64), added])
 
@@ -108,10 +113,10 @@ def _explore(  # noqa: PLR0917
         row, col = cell // stride, cell % stride
         at = tile_index(stride, row, col)
         word = int64(words[at])
-        so_far = word >> _SHIFT
-        if word & _CLOSED or so_far >= best:
+        so_far = word >> LENGTH_SHIFT
+        if word & CLOSED or so_far >= best:
             continue
-        words[at], expansions = word | _CLOSED, expansions + 1
+        words[at], expansions = word | CLOSED, expansions + 1
         if is_full(queue, ring, waiting + 8):
             queue = enlarge(queue)
         moves = allowed[neighbourhood(bits, stride, cell)]
@@ -119,17 +124,17 @@ def _explore(  # noqa: PLR0917
         for move in range(8):
             if moves >> move & 1 == 0:
                 continue
-            down, right = row + _ROWS[move], col + _COLS[move]
+            down, right = row + ROWS[move], col + COLS[move]
             ahead, on = int64(weights[down - 1, right - MARGIN]), lanes[down - 1, right - MARGIN]
             factor = weight + ahead + added[lane, move] + added[on, move]
-            cost, at = so_far + _STEPS[move] * factor, tile_index(stride, down, right)
+            cost, at = so_far + STEPS[move] * factor, tile_index(stride, down, right)
             known = int64(words[at])
-            if known != 0 and known >> _SHIFT <= cost:
+            if known != 0 and known >> LENGTH_SHIFT <= cost:
                 continue
             estimate = cost + _to_go(heuristic, down - goal_row, right - goal_col)
             if estimate >= best:
                 continue
-            words[at] = cost << _SHIFT | move + 1
+            words[at] = cost << LENGTH_SHIFT | move + 1
             if down == goal_row and right == goal_col:
                 best = cost
                 continue

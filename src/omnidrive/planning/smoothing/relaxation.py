@@ -144,27 +144,55 @@ def _best_step(
     """
     square = x = y = 0.0
     for j in range(max(first - 2, 0), min(last + 1, len(spline.second_derivatives))):
-        change = 0.0  # derivative of the second derivative at knot j with respect to the step
-        for k in range(max(first - j, 0), min(last - j, 2) + 1):
-            change += spline.weights.second_derivatives[j, k] * move_weights[j + k - left]
+        change = second_derivative_change(spline.weights, move_weights, j, first, last, left)
         square += change * change
         x -= change * spline.second_derivatives[j, 0]
         y -= change * spline.second_derivatives[j, 1]
     return (x / square, y / square) if square > 0.0 else (0.0, 0.0)
 
 
+@inlined
+def second_derivative_change(  # noqa: PLR0917
+    weights: KnotWeights,
+    move_weights: Float[Array, " window"],
+    j: int,
+    first: int,
+    last: int,
+    left: int,
+) -> float:
+    """Return the derivative of the second derivative at knot j with respect to the step."""
+    change = 0.0
+    for k in range(max(first - j, 0), min(last - j, 2) + 1):
+        change += weights.second_derivatives[j, k] * move_weights[j + k - left]
+    return change
+
+
 @compiled
 def _update(spline: _Spline, first: int, last: int) -> None:
     """Update positions and second derivatives at the knots ``first`` to ``last``."""
+    update_knots(
+        spline.weights, spline.control_points, spline.positions, spline.second_derivatives,
+        first, last,
+    )  # fmt: skip
+
+
+@inlined
+def update_knots(  # noqa: PLR0917
+    weights: KnotWeights,
+    control_points: Float[Array, "points axes"],
+    positions: Float[Array, "knots axes"],
+    second_derivatives: Float[Array, "knots axes"],
+    first: int,
+    last: int,
+) -> None:
+    """Fill in positions and second derivatives at the knots ``first`` to ``last``."""
     for j in range(first, last + 1):
-        for axis in range(2):
+        for axis in range(control_points.shape[1]):
             position = second = 0.0
             for k in range(3):
-                position += spline.weights.positions[j, k] * spline.control_points[j + k, axis]
-                second += (
-                    spline.weights.second_derivatives[j, k] * spline.control_points[j + k, axis]
-                )
-            spline.positions[j, axis], spline.second_derivatives[j, axis] = position, second
+                position += weights.positions[j, k] * control_points[j + k, axis]
+                second += weights.second_derivatives[j, k] * control_points[j + k, axis]
+            positions[j, axis], second_derivatives[j, axis] = position, second
 
 
 @compiled
