@@ -14,17 +14,22 @@ from jaxtyping import Int32, Int64, UInt8, UInt64
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.footprint.layers import HEADINGS, is_set
-from omnidrive.planning.search.astar import BUCKET_SHIFT, INFINITE
+from omnidrive.planning.search.astar import (
+    BUCKET_SHIFT,
+    CLOSED,
+    INFINITE,
+    LENGTH_SHIFT,
+    MOVE_MASK,
+    STEPS,
+)
 from omnidrive.planning.search.bit_ops import int64, trailing_zeros
 from omnidrive.planning.search.bucket_queue import enlarge, is_empty, is_full, pop, push
-from omnidrive.planning.search.heuristics import DIAGONAL, STRAIGHT
+from omnidrive.planning.search.heuristics import DIAGONAL
 from omnidrive.planning.search.moves import MOVES, START_MOVE, neighbourhood
 
 TURN_LEFT, TURN_RIGHT = START_MOVE + 1, START_MOVE + 2
 """Codes of the turns to the next and to the previous heading."""
-_MASK, _CLOSED, _SHIFT = 15, 16, 5  # code of the last move, flag, position of the length
 _MAX_BUCKETS, _CAPACITY = 1 << 16, 1 << 14
-_STEPS = np.array([STRAIGHT] * 4 + [DIAGONAL] * 4)
 _ROWS, _COLS = np.array(MOVES).T.copy()
 _LAYERS = np.array([0, 1, 0, 1, 2, 3, 3, 2])  # of the shared moves, by move
 _REVERSED = np.array([0, 0, 1, 1, 0, 0, 1, 1])  # whether the bit is that of the target
@@ -96,7 +101,7 @@ def distances_to_go(
             queue = enlarge(queue)
         for move in range(8):
             to = cell + _ROWS[move] * stride + _COLS[move]
-            length = lengths[cell] + _STEPS[move]
+            length = lengths[cell] + STEPS[move]
             if length < lengths[to] and is_set(
                 moves[_LAYERS[move]], to if _REVERSED[move] else cell
             ):
@@ -146,7 +151,7 @@ def explore(
     base = estimates.min()
     queue, ring, waiting = _new_queue(estimates, longest)
     for i in range(len(estimates)):
-        words[starts.poses[i]] = starts.lengths[i] << _SHIFT | START_MOVE
+        words[starts.poses[i]] = starts.lengths[i] << LENGTH_SHIFT | START_MOVE
         push(queue, ring, (estimates[i] - base) >> BUCKET_SHIFT, starts.poses[i])
         waiting += 1
     best, found, bucket, expansions = INFINITE, -1, 0, 0
@@ -158,23 +163,23 @@ def explore(
         at = pop(queue, ring, bucket)
         waiting -= 1
         word = words[at]
-        if word & _CLOSED:
+        if word & CLOSED:
             continue
-        words[at], expansions = word | _CLOSED, expansions + 1
+        words[at], expansions = word | CLOSED, expansions + 1
         to_end = _length_to_end(goals, bounds.cells[at // HEADINGS], at)
-        if (word >> _SHIFT) + to_end < best:
-            best, found = (word >> _SHIFT) + to_end, at
+        if (word >> LENGTH_SHIFT) + to_end < best:
+            best, found = (word >> LENGTH_SHIFT) + to_end, at
         if is_full(queue, ring, waiting + 16):
             queue = enlarge(queue)
-        moves = _moves_from(space, at % HEADINGS, at // HEADINGS, word & _MASK)
+        moves = _moves_from(space, at % HEADINGS, at // HEADINGS, word & MOVE_MASK)
         while moves != 0:
             move = trailing_zeros(moves)
             moves &= moves - 1
             to = _after(at, move, space.stride)
-            length = (word >> _SHIFT) + (_STEPS[move] if move < 8 else space.turn)
+            length = (word >> LENGTH_SHIFT) + (STEPS[move] if move < 8 else space.turn)
             known, estimate = words[to], _estimate(bounds, to, length)
-            if (known == 0 or known >> _SHIFT > length) and estimate < best:
-                words[to] = length << _SHIFT | (move + 1)
+            if (known == 0 or known >> LENGTH_SHIFT > length) and estimate < best:
+                words[to] = length << LENGTH_SHIFT | (move + 1)
                 push(queue, ring, max(bucket, (estimate - base) >> BUCKET_SHIFT), to)
                 waiting += 1
     return found, expansions
@@ -252,12 +257,12 @@ def _previous(at: int, code: int, stride: int) -> int:
 def trace(words: Int64[Array, " poses"], stride: int, goal: int) -> Int64[Array, " path"]:
     """Return the poses from a start to ``goal`` along the stored moves."""
     count, at = 1, goal
-    while words[at] & _MASK != START_MOVE:
-        at = _previous(at, words[at] & _MASK, stride)
+    while words[at] & MOVE_MASK != START_MOVE:
+        at = _previous(at, words[at] & MOVE_MASK, stride)
         count += 1
     path, at = np.empty(count, np.int64), goal
     for i in range(count - 1, -1, -1):
         path[i] = at
         if i > 0:
-            at = _previous(at, words[at] & _MASK, stride)
+            at = _previous(at, words[at] & MOVE_MASK, stride)
     return path

@@ -25,7 +25,7 @@ BUCKET_SHIFT = 16
 """Number of low bits of a length that one bucket spans: 2^16 / STRAIGHT, about 0.14 cells."""
 INFINITE = 1 << 62
 """Greater than the length of any path."""
-_MOVE_MASK = 15
+MOVE_MASK = 15
 """Mask of the bits that hold the move by which a cell was reached, plus 1; 0 if unreached."""
 CLOSED = 16
 """Flag of an expanded cell; the bits above it hold the length of the shortest known path."""
@@ -116,7 +116,7 @@ def _explore(  # noqa: PLR0917
         if is_full(queue, ring, waiting + 8):
             queue = enlarge(queue)
         around = neighbourhood(bits, stride, row * stride + col)
-        moves = int64(move_table[word & _MOVE_MASK, around])
+        moves = int64(move_table[word & MOVE_MASK, around])
         while moves != 0:
             move = trailing_zeros(moves)
             moves &= moves - 1
@@ -181,12 +181,12 @@ def reconstruct_path(words: Tiles, stride: int, start: int, goal: int) -> Int32[
         count += 1
         if cell == start:
             break
-        move = int64(word & _MOVE_MASK) - 1
+        move = int64(word & MOVE_MASK) - 1
         cell -= ROWS[move] * stride + COLS[move]
     path, cell = np.empty(count, np.int32), goal
     for i in range(count - 1, -1, -1):
         path[i] = cell
         if i > 0:
-            move = int64(words[tile_index(stride, cell // stride, cell % stride)] & _MOVE_MASK) - 1
+            move = int64(words[tile_index(stride, cell // stride, cell % stride)] & MOVE_MASK) - 1
             cell -= ROWS[move] * stride + COLS[move]
     return path
