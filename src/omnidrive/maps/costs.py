@@ -15,7 +15,7 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, InvalidMap, one_line, short_repr
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
-from omnidrive.maps.footprint import check_footprint
+from omnidrive.geometry.polygon import check_footprint
 from omnidrive.maps.grid import OccupancyGrid
 from omnidrive.maps.nav2 import load_nav2_grades
 from omnidrive.maps.numpy_file import load_numbers

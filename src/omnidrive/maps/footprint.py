@@ -7,25 +7,8 @@ from jaxtyping import Bool, Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
-from omnidrive.errors import InvalidInput
 
 _TOUCH = 1e-9  # side lengths of a cell; an edge that enters a square by less only touches it
-
-
-def check_footprint(polygon: Float[Array, "corners 2"]) -> None:
-    """Check that a footprint, with corners (x, y) in B in m, is a polygon.
-
-    Raises:
-        InvalidInput: It has fewer than three corners, a corner that is not finite, or no area.
-    """
-    if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3:
-        raise InvalidInput(
-            f"a footprint needs at least three corners (x, y), got shape {polygon.shape}"
-        )
-    if not np.isfinite(polygon).all():
-        raise InvalidInput("the corners of a footprint must be finite, in m")
-    if np.linalg.matrix_rank(polygon[1:] - polygon[0]) < 2:
-        raise InvalidInput("a footprint needs an area, but all its corners lie on one line")
 
 
 def covered_runs(polygon: Float[Array, "corners 2"], rows: int, cols: int) -> Int[Array, "runs 3"]:

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Float32, Int, Int32
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.errors import InvalidInput, InvalidMap
+from omnidrive.geometry.polygon import check_footprint
 from omnidrive.maps.distance import (
     column_table,
     disc_reach,
@@ -19,7 +20,7 @@ from omnidrive.maps.distance import (
     square_distances,
     within_reach,
 )
-from omnidrive.maps.footprint import check_footprint, covered_runs, footprint_hits
+from omnidrive.maps.footprint import covered_runs, footprint_hits
 
 _FURTHEST = 2.0**62  # cells; limit of the conversion to 64-bit integers
 _FURTHEST_ORIGIN = 1e12  # cells; beyond, positions in a cell are rounded to thousandths of it

@@ -9,19 +9,29 @@ import numpy as np
 
 from omnidrive.notebook import BLUE, ORANGE, Drawing
 from omnidrive.robot.mount import Mount
+from omnidrive.robot.outline import Outline
 
 
-def robot_svg(mounts: Sequence[Mount], wheel_radius: float, body_radius: float) -> str:
+def robot_svg(
+    mounts: Sequence[Mount],
+    wheel_radius: float,
+    body_radius: float,
+    outline: Outline | None = None,
+) -> str:
     """Return the robot from above, x of B upwards: body, wheels and directions of their forces.
 
     Args:
         mounts: Mount of each wheel, in B.
         wheel_radius: Radius of the wheels, m.
         body_radius: Radius of the circle around the robot, m.
+        outline: Corners of the body in B, m; None: the circle.
     """
     size = 1.12 * body_radius
     drawing = Drawing((-size, size, -size, size), width=140.0)
-    drawing.circle((0.0, 0.0), body_radius)
+    if outline is None:
+        drawing.circle((0.0, 0.0), body_radius)
+    else:
+        drawing.line(_turned([*outline, outline[0]]), width=1.0)
     drawing.line(_turned([(0.0, 0.0), (0.45 * body_radius, 0.0)]), width=1.0)
     for mount in mounts:
         bearing = mount.axle_angle + 0.5 * pi

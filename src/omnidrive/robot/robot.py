@@ -18,6 +18,7 @@ from omnidrive.robot.chassis import Chassis
 from omnidrive.robot.checks import check_no_faults, negative, not_positive
 from omnidrive.robot.drawing import robot_svg
 from omnidrive.robot.mount import Mount
+from omnidrive.robot.outline import Outline, outline_faults
 from omnidrive.robot.wheel import OmniWheel
 
 GRAVITY = 9.81
@@ -58,6 +59,9 @@ class Robot:
         drive_gain: Ratio of the steady body twist to the commanded one along x, y and yaw of B, of
             a wheel controller that assumes wrong radii, in addition to
             :attr:`assumed_effective_radius`.
+        outline: Corners (x, y) of the robot seen from above in B, in m: a simple polygon, convex
+            or not, that contains the origin and lies within :attr:`body_radius`. None: the robot
+            is taken to fill the circle.
 
     Raises:
         InvalidGeometry: The wheels cannot produce every twist.
@@ -81,6 +85,7 @@ class Robot:
     body_inertia: float | None = None
     motor_lag: float = 0.0
     drive_gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    outline: Outline | None = None
 
     def __post_init__(self) -> None:
         check_no_faults(
@@ -249,7 +254,7 @@ class Robot:
             "motors": f"{self.max_wheel_speed:g} rad/s, {self.max_torque:g} N m",
             "friction": f"{self.friction:g}",
         }
-        drawing = robot_svg(self.mounts, self.wheel.radius, self.body_radius)
+        drawing = robot_svg(self.mounts, self.wheel.radius, self.body_radius, self.outline)
         return facts_html(f"Robot {self.name}", facts, drawing)
 
 
@@ -260,7 +265,7 @@ def _min_radii(faces: Float[Array, "faces 3"]) -> tuple[float, float]:
 
 
 def robot_faults(values: Mapping[str, Any]) -> list[str]:
-    """Return all faults in sign and finiteness of the scalar fields of :class:`Robot`.
+    """Return all faults of the numbers and of the outline of a :class:`Robot`.
 
     Args:
         values: Values by name of the field, SI units. Missing ones and None are not checked.
@@ -277,6 +282,8 @@ def robot_faults(values: Mapping[str, Any]) -> list[str]:
         faults += negative("the robot's friction", values["friction"], "")
     for gain in values.get("drive_gain", ()):
         faults += not_positive("a drive_gain of the robot", gain, "")
+    if values.get("outline") is not None:
+        faults += outline_faults(values["outline"], values.get("body_radius"))
     for seconds in (values.get("motor_lag", 0.0), *values.get("lag", ())):
         faults += negative("a lag of the robot", seconds, "s")
     return faults

@@ -15,6 +15,7 @@ from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.files.yaml_file import read_yaml
 from omnidrive.robot.mount import Mount
+from omnidrive.robot.outline import outline_faults, outline_of, outline_radius
 from omnidrive.robot.robot import MAX_WHEELS, Robot, robot_faults
 from omnidrive.robot.wheel import OmniWheel, wheel_faults
 
@@ -59,6 +60,7 @@ _ROBOT_KEYS = {
     "com_height": "m, of the centre of mass above the floor",
     "body_inertia": "kg m^2, yaw inertia of the robot without wheels about its centre of mass",
     "body_radius": "m, of the smallest circle around the robot",
+    "outline": "m, m; corners (x, y) of the body from above; then body_radius may be omitted",
     "max_wheel_speed": "rad/s, of a motor, at the wheel",
     "max_torque": "N m, of a motor, at the wheel",
     "servo_gain": "N m s/rad, torque per wheel-speed error",
@@ -71,7 +73,7 @@ _ROBOT_KEYS = {
 _STRUCTURE = {"name", "mounts", "wheel"}  # all other keys hold numbers
 _LENGTHS = {"com": 2, "lag": 2, "drive_gain": 3}  # of lists
 _INTEGERS = {"rollers_per_row", "rows"}
-_NULLABLE = {"body_inertia", "assumed_effective_radius"}
+_NULLABLE = {"body_inertia", "assumed_effective_radius", "outline"}
 _HEADER = """\
 # Frame B: origin at the centre of the robot, x forward, y left; angles are counter-clockwise.
 # A wheel that turns in the positive sense rolls along (-sin axle_angle, cos axle_angle).
@@ -112,7 +114,7 @@ def parse_robot(data: Any, where: str) -> Robot:
         raise source.error("it is not a robot file: it contains no keys")
     if data.get("format") != FORMAT:
         raise source.error(f"it needs 'format: {FORMAT}', got {short_repr(data.get('format'))}")
-    content = {key: value for key, value in data.items() if key != "format"}
+    content = _with_radius({key: value for key, value in data.items() if key != "format"})
     values = source.numbers("", content, _ROBOT_KEYS, Robot)
     source.check_name(content.get("name", "robot"))
     mounts = source.mounts(content.get("mounts", []))
@@ -167,6 +169,16 @@ def robot_text(robot: Robot, *, notes: Sequence[str] = ()) -> str:
     return text
 
 
+def _with_radius(content: dict[str, Any]) -> dict[str, Any]:
+    """Return the content with the radius of the outline if it has no radius of the body."""
+    if "body_radius" in content or content.get("outline") is None:
+        return content
+    source = _Source("")
+    outline = source.outline(content["outline"])
+    faulty = outline is None or outline_faults(outline, None)
+    return {**content, "body_radius": 1.0 if faulty else outline_radius(outline)}
+
+
 def _turned(mount: Mount) -> dict[str, float]:
     """Return the numbers of a mount, with angles beyond the limit of files reduced by full turns.
 
@@ -194,6 +206,8 @@ def robot_schema() -> dict[str, Any]:
         "wheel": wheel | {"description": about["wheel"]},
     }
     robot["required"].insert(0, "format")
+    robot["required"].remove("body_radius")
+    robot["anyOf"] = [{"required": [key]} for key in ("body_radius", "outline")]
     dialect = "https://json-schema.org/draft/2020-12/schema"
     return {"$schema": dialect, "title": "omnidrive robot", **robot}
 
@@ -203,6 +217,9 @@ def _schema_of(keys: Mapping[str, str], required: Collection[str]) -> dict[str, 
 
     def type_of(key: str) -> dict[str, Any]:
         """Return the schema of the value of a key."""
+        if key == "outline":
+            corner = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+            return {"type": ["array", "string", "null"], "items": corner, "minItems": 3}
         if key in _LENGTHS:
             n = _LENGTHS[key]
             return {"type": "array", "items": {"type": "number"}, "minItems": n, "maxItems": n}
@@ -310,6 +327,8 @@ class _Source:
 
     def value(self, label: str, key: str, value: Any, about: str) -> Any:
         """Return the number or the list of numbers of a key; None if it has a fault."""
+        if key == "outline":
+            return self.outline(value)
         if key in _LENGTHS:
             if not isinstance(value, list) or len(value) != _LENGTHS[key]:
                 count = "two" if _LENGTHS[key] == 2 else "three"
@@ -323,6 +342,21 @@ class _Source:
             return value
         self.add(f"{label} must be an integer, got {short_repr(value)}")
         return None
+
+    def outline(self, value: Any) -> Any:
+        """Return the corners of the outline; None if one has a fault."""
+        corners = outline_of(value)
+        if not isinstance(corners, list) or not all(
+            isinstance(each, list) and len(each) == 2 for each in corners
+        ):
+            about = f"a list of corners [x, y] in m, got {short_repr(value)}"
+            self.add(f"outline must be {about}")
+            return None
+        found = tuple(
+            tuple(self.number(f"outline[{i}]", each, "m") for each in corner)
+            for i, corner in enumerate(corners)
+        )
+        return None if any(None in corner for corner in found) else found
 
     def number(self, label: str, value: Any, about: str) -> float | None:
         """Return a finite number; None if it has a fault."""

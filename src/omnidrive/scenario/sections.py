@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Annotated, get_args
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from omnidrive.choices import Heading, PresetName, TimingName, Unknown
 from omnidrive.components import Configured, OfGroup, configure
@@ -18,6 +18,7 @@ from omnidrive.estimation import (
 from omnidrive.maps import is_named_map
 from omnidrive.parameter import Bounds, check_choice
 from omnidrive.robot import Robot, force_share, named_robot
+from omnidrive.robot.outline import outline_of, outline_radius
 from omnidrive.scenario.section import Section
 from omnidrive.simulation.moving_obstacle import (
     MAX_MOVING_OBSTACLES,
@@ -57,6 +58,13 @@ class RobotSection(Section):
     """Maximum torque of a motor at its wheel, N m."""
     servo_gain: Annotated[float, Bounds(1e-4, 1e4, "N m s/rad")] | None = None
     """Gain of the wheel velocity servos, N m s/rad."""
+    outline: Annotated[tuple[tuple[_Offset, _Offset], ...], BeforeValidator(outline_of)] | None = (
+        None
+    )
+    """Corners (x, y) of the robot seen from above in B, m: a simple polygon around the origin,
+    convex or not, also as text in the form of Nav2's `footprint`. The radius of the body is then
+    that of the circle through its farthest corner. Where this circle has no path, planning uses the
+    polygon."""
     motor_lag: Annotated[float, Bounds(0.0, 2.0, "s")] | None = None
     """Time constant with which the set points of the servos follow the command, s."""
     lag: tuple[_Lag, _Lag] | None = None
@@ -220,6 +228,8 @@ def robot_of(section: RobotSection) -> Robot:
         InvalidRobot: The robot file is invalid.
     """
     changes = section.model_dump(exclude={"name", "roller_phase"}, exclude_none=True)
+    if section.outline is not None:
+        changes["body_radius"] = outline_radius(section.outline)
     return replace(named_robot(section.name), **changes)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from omnidrive.evaluation import Table
 from omnidrive.evaluation.tables.robot_summary import Capability, RobotSummary
+from omnidrive.geometry.polygon import Polygon
 from omnidrive.robot import Robot
 
 _BEARINGS = (0, 45, 90, 135)  # degrees; the polytopes are symmetric about their origin
@@ -71,6 +72,7 @@ def _parameters(summary: RobotSummary) -> Table:
         ("yaw inertia", f"{robot.yaw_inertia:.4g} kg m^2"),
         ("centre of mass", f"({x:g}, {y:g}) m, height {robot.com_height:g} m"),
         ("body radius", f"{robot.body_radius:g} m"),
+        *_outline_row(robot),
         ("effective radius", f"{robot.effective_radius:.4g} m (rim speed per yaw rate)"),
         ("motors", f"{robot.max_wheel_speed:g} rad/s, {robot.max_torque:g} N m, "
                    f"servo {robot.servo_gain:g} N m s/rad"),
@@ -81,6 +83,13 @@ def _parameters(summary: RobotSummary) -> Table:
         ("tipping", f"at {summary.tipping:.3g} m/s^2"),
     ]  # fmt: skip
     return Table(f"Robot {robot.name}", ("quantity", "value"), tuple(rows), prose=True)
+
+
+def _outline_row(robot: Robot) -> list[tuple[str, str]]:
+    """Return the row of the outline, if the robot has one."""
+    if robot.outline is None:
+        return []
+    return [("outline", str(Polygon.of(np.array(robot.outline))))]
 
 
 def _wheels(robot: Robot) -> Table:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import atan2, cos, degrees, hypot, pi, sin
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.patches import Arc, Circle, FancyArrowPatch, Polygon
+from matplotlib.patches import Arc, Circle, FancyArrowPatch, Patch, Polygon
 
 from omnidrive.arrays import Array
 from omnidrive.evaluation.figures.style import DARK, DASHED
@@ -17,7 +19,7 @@ from omnidrive.robot import Mount, Robot
 Point = tuple[float, float]
 
 
-def transform_points(pose: Pose, points: list[Point]) -> Float[Array, "points 2"]:
+def transform_points(pose: Pose, points: Sequence[Point]) -> Float[Array, "points 2"]:
     """Transform points from the frame at ``pose`` to W; m."""
     c, s = cos(pose.yaw), sin(pose.yaw)
     return np.array([(pose.x + c * x - s * y, pose.y + s * x + c * y) for x, y in points])
@@ -107,21 +109,21 @@ def frame(axes: Axes, pose: Pose, length: float, names: tuple[str, str], colour:
     annotate(axes, tuple(y_name), names[1], colour=colour)
 
 
+def body_patch(robot: Robot, pose: Pose, **style: Any) -> Patch:
+    """Return the outline of a robot at a pose or, without one, its body circle."""
+    if robot.outline is None:
+        return Circle((pose.x, pose.y), robot.body_radius, **style)
+    return Polygon(transform_points(pose, robot.outline), **style)
+
+
 def robot_outline(axes: Axes, robot: Robot, pose: Pose, colour: str, *, dashed: bool) -> None:
-    """Draw body circle and wheels, to scale."""
+    """Draw outline or body circle, and wheels, to scale."""
     style = DASHED if dashed else "-"
-    axes.add_patch(
-        Circle(
-            (pose.x, pose.y),
-            robot.body_radius,
-            fill=not dashed,
-            facecolor="#f3f5f8",
-            edgecolor=colour,
-            lw=1.2,
-            ls=style,
-            zorder=2,
-        )
-    )
+    body = body_patch(
+        robot, pose, fill=not dashed, facecolor="#f3f5f8", edgecolor=colour, lw=1.2, ls=style,
+        zorder=2,
+    )  # fmt: skip
+    axes.add_patch(body)
     for mount in robot.mounts:
         wheel_outline(axes, robot, pose, mount, colour)
 

@@ -9,9 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Polygon
 
-from omnidrive.evaluation.figures.primitives import annotate, arrow, frame, transform_points
+from omnidrive.evaluation.figures.primitives import (
+    annotate,
+    arrow,
+    body_patch,
+    frame,
+    transform_points,
+)
 from omnidrive.evaluation.figures.style import (
     BLUE,
     DARK,
@@ -67,7 +73,8 @@ def _chassis(axes: Axes, robot: Robot) -> None:
     """Draw the robot from above: wheels, rolling directions, rollers, support polygon and COM."""
     size, pose = robot.body_radius, Pose(0.0, 0.0, 0.5 * pi)
     hide_axes(axes)
-    axes.add_patch(Circle((0.0, 0.0), size, facecolor="#f3f5f8", edgecolor=DARK, lw=1.1, zorder=1))
+    body = body_patch(robot, pose, facecolor="#f3f5f8", edgecolor=DARK, lw=1.1, zorder=1)
+    axes.add_patch(body)
     hull = support_polygon(robot)
     axes.add_patch(
         Polygon(transform_points(pose, hull), facecolor="none", edgecolor=MUTED, lw=0.8,

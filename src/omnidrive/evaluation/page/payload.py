@@ -36,6 +36,7 @@ def payload(logs: StudyLogs) -> str:
         "dt": logs.dt,
         "robot": {
             "bodyRadius": logs.robot.body_radius,
+            "outline": logs.robot.outline,
             "wheelRadius": logs.robot.wheel.radius,
             "wheels": [
                 {"x": m.x, "y": m.y, "axle": m.axle_angle, "roller": m.roller_angle}

@@ -203,7 +203,19 @@ class Scene {
     ctx.globalAlpha = 1;
   }
 
-  /* Reference pose: a dashed body circle with a cross at its centre. */
+  /* Adds the robot's outline, or its body circle without one, at the origin, x to the right. */
+  traceBody() {
+    const { ctx, camera } = this;
+    const { bodyRadius, outline } = Study.robot;
+    if (!outline) {
+      ctx.arc(0, 0, bodyRadius * camera.scale, 0, 2 * Math.PI);
+      return;
+    }
+    for (const [x, y] of outline) ctx.lineTo(x * camera.scale, -y * camera.scale);
+    ctx.closePath();
+  }
+
+  /* Reference pose: the dashed body with a cross at its centre. */
   drawTarget(target) {
     const { ctx, camera } = this;
     const [x, y] = camera.toScreen(target.x, target.y);
@@ -211,11 +223,15 @@ class Scene {
     ctx.strokeStyle = this.colours.ink;
     ctx.lineWidth = 1.2;
     ctx.setLineDash([5, 4]);
+    ctx.save();
+    ctx.translate(x, y);
+    ctx.rotate(-target.yaw);
     ctx.beginPath();
-    ctx.arc(x, y, size, 0, 2 * Math.PI);
-    ctx.moveTo(x, y);
-    ctx.lineTo(x + size * Math.cos(target.yaw), y - size * Math.sin(target.yaw));
+    this.traceBody();
+    ctx.moveTo(0, 0);
+    ctx.lineTo(size, 0);
     ctx.stroke();
+    ctx.restore();
     ctx.setLineDash([]);
     ctx.beginPath();
     ctx.moveTo(x - 7, y);
@@ -225,7 +241,7 @@ class Scene {
     ctx.stroke();
   }
 
-  /* Body circle, wheels and heading arrow, to scale. */
+  /* Body, wheels and heading arrow, to scale. */
   drawRobot(run, state, hovered) {
     const { ctx, camera } = this;
     const { bodyRadius, wheelRadius, wheels } = Study.robot;
@@ -237,7 +253,7 @@ class Scene {
     ctx.fillStyle = ctx.strokeStyle = colour;
     ctx.lineWidth = hovered ? 3.5 : 2;
     ctx.beginPath();
-    ctx.arc(0, 0, size, 0, 2 * Math.PI);
+    this.traceBody();
     ctx.globalAlpha = 0.08;
     ctx.fill();
     ctx.globalAlpha = 1;

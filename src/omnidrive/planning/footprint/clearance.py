@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
+from omnidrive.geometry.polygon import Polygon
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.footprint.motion_proof import (
     Motion,
@@ -17,7 +18,6 @@ from omnidrive.planning.footprint.motion_proof import (
     keeps_margin,
     reaches_into,
 )
-from omnidrive.planning.footprint.polygon import Polygon
 from omnidrive.planning.grid_frame import GridFrame
 from omnidrive.planning.path import SplinePath
 from omnidrive.planning.pieces import Pieces, pieces

@@ -11,8 +11,8 @@ from jaxtyping import Bool, Complex, Float, Int, UInt64
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
+from omnidrive.geometry.polygon import Polygon
 from omnidrive.maps import OccupancyGrid
-from omnidrive.planning.footprint.polygon import Polygon
 from omnidrive.planning.footprint.raster import mark_hulls, runs_of
 from omnidrive.planning.search.bit_ops import int64, uint64
 from omnidrive.planning.search.bitgrid import MARGIN, BitGrid

@@ -14,9 +14,9 @@ from jaxtyping import Float, Int, Int64, UInt64
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
+from omnidrive.geometry.polygon import Polygon
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.footprint.layers import HEADINGS, STEP, PoseLayers, is_set, shared_moves
-from omnidrive.planning.footprint.polygon import Polygon
 from omnidrive.planning.footprint.pose_kernels import (
     Bounds,
     Ends,

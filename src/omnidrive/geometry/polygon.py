@@ -1,4 +1,4 @@
-"""Simple polygons as footprints of robots."""
+"""Simple polygons: the outlines of robots seen from above."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
-from omnidrive.maps.footprint import check_footprint
 
 _MAX_CORNERS = 200
 _FLAT = 1e-12
@@ -58,6 +57,13 @@ class Polygon:
         """Distance in m from the origin of B to the farthest corner."""
         return float(np.hypot(*self.corners.T).max())
 
+    def contains(self, point: Float[Array, " xy"]) -> bool:
+        """Whether a point in B, in m, lies in the polygon or on its outline."""
+        return any(
+            min(_side(a, b, point), _side(b, c, point), _side(c, a, point)) >= 0
+            for a, b, c in self.triangles
+        )
+
     @staticmethod
     def turned(points: Float[Array, "*n 2"], yaw: float) -> Float[Array, "*n 2"]:
         """Return points turned counter-clockwise about the origin."""
@@ -69,6 +75,22 @@ class Polygon:
         """Describe the polygon by its extent in B."""
         length, width = np.ptp(self.corners, axis=0).tolist()
         return f"polygon of {len(self.corners)} corners, {length:.4g} x {width:.4g} m"
+
+
+def check_footprint(polygon: Float[Array, "corners 2"]) -> None:
+    """Check that a footprint, with corners (x, y) in B in m, is a polygon.
+
+    Raises:
+        InvalidInput: It has fewer than three corners, a corner that is not finite, or no area.
+    """
+    if polygon.ndim != 2 or polygon.shape[1] != 2 or len(polygon) < 3:
+        raise InvalidInput(
+            f"a footprint needs at least three corners (x, y), got shape {polygon.shape}"
+        )
+    if not np.isfinite(polygon).all():
+        raise InvalidInput("the corners of a footprint must be finite, in m")
+    if np.linalg.matrix_rank(polygon[1:] - polygon[0]) < 2:
+        raise InvalidInput("a footprint needs an area, but all its corners lie on one line")
 
 
 def _area(corners: Float[Array, "corners 2"]) -> float:
