@@ -67,7 +67,7 @@ def test_clearance_is_measured_to_the_wall(paper, log):
         job for job in TRACKS
         if (job.task, job.duration) == ("track", 20.0) and job.controller in controllers
     ]  # fmt: skip
-    clearances = {round(paper.clearance(log(job).pose[:, :2]), 3) for job in jobs}
+    clearances = {round(paper.clearance(log(job).pose), 3) for job in jobs}
     assert len(clearances) == 3
     assert all(0.1 < c < 0.25 for c in clearances)
 

@@ -12,8 +12,10 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import Pose
+from omnidrive.geometry.polygon import Polygon
 from omnidrive.maps import OccupancyGrid
-from omnidrive.planning import Plan, SplinePath, plan
+from omnidrive.planning import FootprintPlan, SplinePath, footprint_clearance
+from omnidrive.planning.footprint import pose_distance
 from omnidrive.reference import (
     LimitRows,
     MotionLimits,
@@ -33,13 +35,16 @@ from omnidrive.reference import (
     time_within_limits,
 )
 from omnidrive.robot import Robot
-from omnidrive.scenario.grids import costs_of, grids_of, inflation_of, open_floor
+from omnidrive.scenario.grids import grids_of, inflation_of, open_floor
+from omnidrive.scenario.path_planning import ScenarioPlan, planned_path
 from omnidrive.scenario.scenario import Scenario
 from omnidrive.scenario.sections import robot_of
 from omnidrive.simulation.disturbances import Schedule
 
 _EXCESS = 0.011
 """Tolerated relative excess of a limit: written motions keep their limits within 1 %."""
+
+_SAMPLES = 2001  # poses along a motion
 
 _log = logging.getLogger("omnidrive")
 
@@ -54,7 +59,8 @@ class PlannedScenario:
         plant_robot: The simulated robot.
         obstacles: Map without inflation.
         free_space: The inflated map, whose free cells the robot's centre may enter.
-        plan: Results of search and smoothing; None unless the reference is a planned path.
+        plan: Results of search and smoothing; None unless the reference is a planned path. With the
+            shape that was needed if the robot has an outline.
         path: Path of the motion: the smooth path or, with the timing `minimum-time`, the optimised
             one. Its headings are those of the motion unless the timing determines the heading.
         motion: Motion that is slowed down or sped up to the durations of the tasks: the fastest one
@@ -68,27 +74,57 @@ class PlannedScenario:
     plant_robot: Robot
     obstacles: OccupancyGrid
     free_space: OccupancyGrid
-    plan: Plan | None
+    plan: ScenarioPlan | None
     path: SplinePath | ReferencePath
     motion: Reference | None
     note: str = ""
 
     @property
+    def keeps_headings(self) -> bool:
+        """Whether the robot fits between the obstacles only at the headings of its path."""
+        return isinstance(self.plan, FootprintPlan) and self.plan.shape == "polygon"
+
+    @property
     def clearance_bounds(self) -> tuple[float, float]:
         """Lower and upper bound on the least distance of the body to an obstacle, m.
 
-        Those of a planned path are proved.
+        Those of a planned path are proved. The body is the disc, except that the upper bound is
+        that of the outline, if the robot has one, and that the polygon has a proof of its own where
+        the path is planned for it.
         """
-        minimum, maximum = self.path.clearance(self.obstacles)
-        return minimum - self.robot.body_radius, maximum - self.robot.body_radius
+        minimum, maximum = (
+            each - self.robot.body_radius for each in self.path.clearance(self.obstacles)
+        )
+        if self.robot.outline is None:
+            return minimum, maximum
+        if self.keeps_headings and isinstance(self.path, SplinePath):
+            outline = np.array(self.robot.outline)
+            # as for the plan: the search has proved the parts that follow its polyline
+            minimum = max(footprint_clearance(self.obstacles, outline, self.path), 0.0)
+        return minimum, self.clearance(self._sampled_poses)
 
-    def clearance(self, points: Float[Array, "points 2"]) -> float:
-        """Return the least distance, m, from body to obstacles over centres ``points`` (W, m)."""
-        return float(self.clearances(points[None])[0])
+    @property
+    def _sampled_poses(self) -> Float[Array, "poses 3"]:
+        """Poses along the motion."""
+        if self.motion is None:
+            return self.path.poses(np.linspace(0.0, 1.0, _SAMPLES))
+        step = self.motion.duration / (_SAMPLES - 1)
+        return self.motion.window(0.0, _SAMPLES, step)[:, :3]
 
-    def clearances(self, points: Float[Array, "runs points 2"]) -> Float[Array, " runs"]:
+    def clearance(self, poses: Float[Array, "poses 3"]) -> float:
+        """Return the least distance, m, from the body at ``poses`` (W; m, m, rad) to obstacles.
+
+        The body is the outline of the robot or, without one, its disc.
+        """
+        return float(self.clearances(poses[None])[0])
+
+    def clearances(self, poses: Float[Array, "runs poses 3"]) -> Float[Array, " runs"]:
         """Return the value of :meth:`clearance` for each of several runs."""
-        distances = self.obstacles.clearance(points.reshape(-1, 2)).reshape(len(points), -1)
+        if self.robot.outline is not None:
+            polygon = Polygon.of(np.array(self.robot.outline))
+            return np.array([pose_distance(self.obstacles, polygon, each) for each in poses])
+        points = poses[:, :, :2].reshape(-1, 2)
+        distances = self.obstacles.clearance(points).reshape(len(poses), -1)
         minimum: Float[Array, " runs"] = distances.min(axis=1) - self.robot.body_radius
         return minimum
 
@@ -209,21 +245,7 @@ def plan_scenario(scenario: Scenario) -> PlannedScenario:
     robot, true_robot = robot_of(scenario.robot), robot_of(scenario.true_robot)
     if scenario.reference != "path":
         return _with_reference(scenario, robot, true_robot)
-    assert scenario.start is not None
-    assert scenario.goal is not None
-    obstacles, grid = grids_of(scenario.map)
-    inflation, inflation_note = inflation_of(scenario.map, grid, robot)
-    plan_ = plan(
-        grid,
-        scenario.start,
-        scenario.goal,
-        inflation=inflation,
-        options=scenario.path,
-        inflation_note=inflation_note,
-        min_inflation=inflation_of(scenario.map.model_copy(update={"margin": 0.0}), grid, robot)[0],
-        costs=costs_of(scenario.costs, grid, robot, scenario.timing.max_speed),
-        around_obstacles=None if scenario.costs is None else scenario.costs.around_obstacles,
-    )
+    obstacles, plan_ = planned_path(scenario, robot)
     path, fastest, note = _timed(scenario, robot, plan_)
     return PlannedScenario(
         scenario, robot, true_robot, obstacles, plan_.free_space, plan_, path, fastest, note
@@ -276,7 +298,7 @@ def _motion_limits(scenario: Scenario, robot: Robot) -> MotionLimits:
 
 
 def _timed(
-    scenario: Scenario, robot: Robot, plan_: Plan
+    scenario: Scenario, robot: Robot, plan_: ScenarioPlan
 ) -> tuple[SplinePath, TimedReference | None, str]:
     """Return the path, the fastest motion along it, and the note on the timing."""
     timing, chassis = scenario.timing, robot.chassis

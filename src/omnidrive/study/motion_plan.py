@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from omnidrive.files.str_path import StrPath, to_path
-from omnidrive.planning import SplinePath
+from omnidrive.planning import FootprintPlan, SplinePath
+from omnidrive.planning.footprint import PoseSearchResult
 from omnidrive.reference import (
     Reference,
     TimedReference,
@@ -81,7 +82,20 @@ def _search_facts(planned: PlannedScenario) -> dict[str, Fact]:
         assert planned.scenario.reference != "path"
         return {"reference": Fact(planned.scenario.reference.type)}
     found = planned.plan.search_result
+    shape = {}
+    if isinstance(planned.plan, FootprintPlan):
+        shape = {"shape": Fact(planned.plan.shape), "reason": Fact(planned.plan.reason)}
+    if isinstance(found, PoseSearchResult):
+        return {
+            **shape,
+            "search": Fact("A* over cells and 72 headings"),
+            "expansions": Fact(found.expansions, digits=0),
+            "search time": Fact(1e3 * found.seconds, "ms"),
+            "poses of search": Fact(len(found.poses), digits=0),
+            "length of search": Fact(planned.plan.grid_path.length, "m"),
+        }
     return {
+        **shape,
         "search": Fact(planned.scenario.path.search),
         "expansions": Fact(found.expansions, digits=0),
         "search time": Fact(1e3 * found.seconds, "ms"),
@@ -117,6 +131,7 @@ def save_figure(planned: PlannedScenario, reference: Reference, path: StrPath) -
     times = np.linspace(0.0, reference.duration, _SAMPLES)
     angles = np.linspace(0.0, 2.0 * np.pi, _CORNERS)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    outline = planned.robot.outline
     figure = plan_figure(
         planned.obstacles,
         planned.free_space,
@@ -124,7 +139,7 @@ def save_figure(planned: PlannedScenario, reference: Reference, path: StrPath) -
         times,
         _window(reference),
         costs=planned.plan.costs if planned.plan else None,
-        outline=planned.robot.body_radius * circle,
+        outline=planned.robot.body_radius * circle if outline is None else np.array(outline),
     )
     save(figure, path)
 

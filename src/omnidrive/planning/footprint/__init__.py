@@ -1,8 +1,14 @@
 """Planning with the polygon of the robot at each heading."""
 
+from omnidrive.geometry.polygon import Polygon
 from omnidrive.planning.footprint.clearance import footprint_clearance
-from omnidrive.planning.footprint.plan_footprint import FootprintPlan, plan_footprint
-from omnidrive.planning.footprint.polygon import Polygon
+from omnidrive.planning.footprint.plan_footprint import (
+    FootprintPlan,
+    disc_failure,
+    plan_footprint,
+    plan_polygon,
+)
+from omnidrive.planning.footprint.pose_distance import pose_distance
 from omnidrive.planning.footprint.pose_search import (
     CellPose,
     PoseSearch,
@@ -16,7 +22,10 @@ __all__ = [
     "Polygon",
     "PoseSearch",
     "PoseSearchResult",
+    "disc_failure",
     "footprint_clearance",
     "plan_footprint",
+    "plan_polygon",
+    "pose_distance",
     "search_poses",
 ]

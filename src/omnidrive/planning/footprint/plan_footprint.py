@@ -13,7 +13,8 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
-from omnidrive.maps import OccupancyGrid
+from omnidrive.geometry.polygon import Polygon
+from omnidrive.maps import CostMap, OccupancyGrid
 from omnidrive.planning.footprint.clearance import (
     HALVINGS,
     footprint_clearance,
@@ -32,7 +33,7 @@ from omnidrive.planning.footprint.smoothing import smooth_poses
 from omnidrive.planning.grid_frame import GridFrame
 from omnidrive.planning.path import Path, SplinePath
 from omnidrive.planning.pieces import Pieces
-from omnidrive.planning.plan import PathOptions, Waypoint
+from omnidrive.planning.plan import PathOptions, Plan, Waypoint
 from omnidrive.planning.planner import plan
 from omnidrive.planning.search.heuristics import STRAIGHT
 from omnidrive.planning.search.result import SearchResult
@@ -59,6 +60,7 @@ class FootprintPlan:
             :class:`~omnidrive.planning.Plan`, whose clearance is that of the centre.
         free_space: The map inflated for the centre of the disc, or by the margin for the polygon.
         grid: The map.
+        costs: Costs of the cells, None: none. The path of the polygon does not depend on them.
     """
 
     shape: Literal["disc", "polygon"]
@@ -69,6 +71,22 @@ class FootprintPlan:
     clearance: float
     free_space: OccupancyGrid
     grid: OccupancyGrid
+    costs: CostMap | None = None
+
+    @classmethod
+    def of_disc(cls, planned: Plan, radius: float) -> FootprintPlan:
+        """Return the plan of a disc with a radius in m."""
+        return cls(
+            "disc",
+            f"the disc of radius {radius:.4g} m about the robot has a path, so its heading is free",
+            planned.search_result,
+            planned.grid_path,
+            planned.spline,
+            planned.clearance,
+            planned.free_space,
+            planned.grid,
+            planned.costs,
+        )
 
 
 def plan_footprint(
@@ -105,9 +123,7 @@ def plan_footprint(
     if not (np.isfinite(inflation_margin) and inflation_margin >= 0.0):
         raise InvalidInput(f"the margin must be 0 m or more, got {inflation_margin:g} m")
     start, goal = checked_waypoint(grid, "start", start), checked_waypoint(grid, "goal", goal)
-    free_space = grid.inflated(inflation_margin)
-    query = _PolygonQuery(free_space, PoseSearch(free_space, footprint))
-    radius = query.poses.polygon.radius
+    radius = Polygon.of(footprint).radius
     try:
         planned = plan(
             grid,
@@ -119,35 +135,44 @@ def plan_footprint(
             min_inflation=radius,
         )
     except (InvalidWaypoint, NoPathFound) as error:
-        reason = f"no path for the disc of radius {radius:.4g} m about the robot: {error}"
-        return _polygon_plan(grid, query, (start, goal), inflation_margin, reason)
-    return FootprintPlan(
-        "disc",
-        f"the disc of radius {radius:.4g} m about the robot has a path, so its heading is free",
-        planned.search_result,
-        planned.grid_path,
-        planned.spline,
-        planned.clearance,
-        planned.free_space,
-        grid,
-    )
+        return plan_polygon(
+            grid, start, goal, footprint=footprint, inflation_margin=inflation_margin,
+            reason=disc_failure(radius, error),
+        )  # fmt: skip
+    return FootprintPlan.of_disc(planned, radius)
 
 
-def _polygon_plan(
+def disc_failure(radius: float, error: Exception) -> str:
+    """Return the reason why the polygon is needed: a disc with a radius in m has no path.
+
+    What follows a semicolon in the message of the error is advice on the disc.
+    """
+    fact = str(error).partition(";")[0]
+    return f"no path for the disc of radius {radius:.4g} m about the robot: {fact}"
+
+
+def plan_polygon(
     grid: OccupancyGrid,
-    query: _PolygonQuery,
-    waypoints: tuple[Waypoint, Waypoint],
-    margin: float,
+    start: Waypoint,
+    goal: Waypoint,
+    *,
+    footprint: Float[Array, "corners 2"],
+    inflation_margin: float,
     reason: str,
 ) -> FootprintPlan:
-    """Return the plan of the polygon; arguments and errors as for :func:`plan_footprint`."""
-    footprint = query.poses.footprint
+    """Return the plan of the polygon; ``reason``: why it is needed.
+
+    Further arguments and errors as for :func:`plan_footprint`.
+    """
+    start, goal = checked_waypoint(grid, "start", start), checked_waypoint(grid, "goal", goal)
+    inflated = grid.inflated(inflation_margin)
+    query = _PolygonQuery(inflated, PoseSearch(inflated, footprint))
     try:
-        found, poses = query.search(*waypoints)
+        found, poses = query.search(start, goal)
     except (InvalidWaypoint, NoPathFound) as failure:
-        if margin == 0.0 or not _has_way(grid, footprint, waypoints):
+        if inflation_margin == 0.0 or not _has_way(grid, footprint, (start, goal)):
             raise
-        kept = f"the polygon must keep the margin of {margin:.4g} m"
+        kept = f"the polygon must keep the margin of {inflation_margin:.4g} m"
         raise type(failure)(f"{failure}; {kept}: {LOWER_MARGIN}") from None
     spline = query.smoothed(poses)
     # the search has proved that the parts that follow its polyline are free

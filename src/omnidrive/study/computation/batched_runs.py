@@ -218,7 +218,7 @@ class _Loop:
         )
         clearances: list[float | None] = [None] * len(runs)
         if runs[0].settings.task != "faults":
-            clearances = self._planned.clearances(pose[:, :, :2]).tolist()
+            clearances = self._planned.clearances(pose).tolist()
         found = zip(runs, measure_many(logged), clearances, strict=True)
         return [finished_record(run, *tracking_values(m, 0, c)) for run, m, c in found]
 

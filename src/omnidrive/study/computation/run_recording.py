@@ -111,7 +111,7 @@ def _metrics(
         ]
         timing = zip(TIMING, step_time_percentiles(log), strict=True)
         return step_values(responses, float(log.work[-1])), dict(timing)
-    clearance = planned.clearance(log.pose[:, :2]) if settings.task != "faults" else None
+    clearance = planned.clearance(log.pose) if settings.task != "faults" else None
     metrics = measure(log, planned.robot.drive)
     return tracking_values(metrics, int(log.collisions[-1]), clearance)
 
