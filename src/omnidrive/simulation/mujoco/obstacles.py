@@ -7,13 +7,15 @@ from math import inf
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
+from omnidrive.geometry.polygon import Polygon
 from omnidrive.robot import Robot
 from omnidrive.simulation.moving_obstacle import MAX_MOVING_OBSTACLES, MovingObstacle
 from omnidrive.simulation.mujoco.obstacle_boxes import ObstacleBoxes, box_distances
+from omnidrive.simulation.mujoco.outline import box_gaps, touches_discs
 from omnidrive.simulation.mujoco.world import MAX_NEAR_BOXES, MAX_REACH, PARKED
 
 _UPDATE_TIME = 0.1  # s; time for which a choice of near boxes must remain valid
@@ -52,6 +54,7 @@ class MujocoObstacles:
             )
         self._model, self._walls, self._moving = model, walls, tuple(moving)
         self._radius = robot.body_radius
+        self._polygon = None if robot.outline is None else Polygon.of(np.array(robot.outline))
         first = model.geom("wall0").id if walls is not None else 0
         self._geoms = slice(first, first + MAX_NEAR_BOXES)
         self._mocaps = [int(model.body(f"moving{k}").mocapid[0]) for k in range(len(moving))]
@@ -77,7 +80,7 @@ class MujocoObstacles:
             if np.isfinite(x + y + speed):  # otherwise the run ends
                 boxes = walls.nearest(x, y, reach, MAX_NEAR_BOXES)
                 depth = 0.0 if self._inside else min(_MAX_PENETRATION, 0.5 * self._radius)
-                inside = box_distances(boxes, *walls.to_map_frame(x, y)) < self._radius - depth
+                inside = self._reaches_in(walls, boxes, data.qpos[None, :7], depth)[0]
                 self._inside = bool(inside.any())
                 if self._inside:
                     self._record_contact(data.time)
@@ -85,7 +88,7 @@ class MujocoObstacles:
         return len(self._boxes) > 0 or bool(self._moving)
 
     def count_collisions(
-        self, positions: Float[Array, "steps 2"], times: Float[Array, " steps"]
+        self, places: Float[Array, "steps 7"], times: Float[Array, " steps"]
     ) -> None:
         """Count the collisions since :meth:`update_boxes`.
 
@@ -93,19 +96,37 @@ class MujocoObstacles:
         MuJoCo's contacts in every step would take as long as the physics of the model `ball`.
 
         Args:
-            positions: Centre of the body after each physics step, in W, m.
+            places: Position of the body in W, m, and its quaternion, after each physics step.
             times: Time of each, s.
         """
         touched = np.zeros(len(times), dtype=bool)
-        if self._walls is not None:
-            u, v = self._walls.to_map_frame(*positions.T)
-            for box in self._boxes:
-                touched |= box_distances(box[None], u, v) < self._radius
+        if self._walls is not None and len(self._boxes) > 0:
+            touched |= self._reaches_in(self._walls, self._boxes, places, 0.0).any(axis=1)
         for obstacle in self._moving:
             centres = np.array([obstacle.position(t) for t in times.tolist()])
-            touched |= np.hypot(*(positions - centres).T) < self._radius + obstacle.radius
+            if self._polygon is None:
+                apart = np.hypot(*(places[:, :2] - centres).T)
+                touched |= apart < self._radius + obstacle.radius
+            else:
+                poses = np.column_stack([places[:, :2], _yaws(places)])
+                touched |= touches_discs(self._polygon, centres, obstacle.radius, poses)
         for time in times[touched].tolist():
             self._record_contact(time)
+
+    def _reaches_in(
+        self,
+        walls: ObstacleBoxes,
+        boxes: Float[Array, "boxes 4"],
+        places: Float[Array, "steps 7"],
+        depth: float,
+    ) -> Bool[Array, "steps boxes"]:
+        """Return whether the body reaches into boxes by more than a depth in m."""
+        u, v = walls.to_map_frame(*places[:, :2].T)
+        if self._polygon is not None:
+            poses = np.column_stack([u, v, _yaws(places) - walls.frame[1]])
+            return box_gaps(self._polygon, boxes, poses) < -depth
+        reached = [box_distances(box[None], u, v) < self._radius - depth for box in boxes]
+        return np.array(reached, bool).reshape(len(boxes), len(places)).T
 
     def _record_contact(self, time: float) -> None:
         if time - self._last_contact > _MIN_INTERVAL:
@@ -130,3 +151,10 @@ class MujocoObstacles:
         positions[count:] = PARKED
         sizes[:count, :2] = 0.5 * np.column_stack([right - left, top - bottom])
         self._boxes = boxes
+
+
+def _yaws(places: Float[Array, "steps 7"]) -> Float[Array, " steps"]:
+    """Return the yaw of bodies from their positions and quaternions, rad."""
+    w, x, y, z = places[:, 3:].T
+    yaws: Float[Array, " steps"] = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return yaws

@@ -225,7 +225,7 @@ class MujocoPlant:
         obstacles, disturbances, observer = self._obstacles, self._disturbances, self.observer
         forces, speeds = np.empty((2, steps, model.nu))
         force, speed = data.actuator_force, data.actuator_velocity
-        positions, position = np.empty((steps, 2)), data.qpos[:2]
+        places, place = np.empty((steps, 7)), data.qpos[:7]
         start, has_obstacles = data.time, obstacles.update_boxes(data)
         model.opt.timestep = length
         for k in range(steps):
@@ -236,11 +236,11 @@ class MujocoPlant:
             advance(model, data)
             forces[k], speeds[k] = force, speed  # at the start of the step
             if has_obstacles:
-                positions[k] = position
+                places[k] = place
             if observer is not None:
                 observer()
         if has_obstacles:
-            obstacles.count_collisions(positions, start + length * np.arange(1, steps + 1))
+            obstacles.count_collisions(places, start + length * np.arange(1, steps + 1))
         self._work += length * float(np.abs(forces * speeds).sum())
         return self._servos.mean_torques(forces, speeds)
 

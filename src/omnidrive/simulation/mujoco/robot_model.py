@@ -70,7 +70,7 @@ def robot_mjcf(
     base = add(world, "body", name="base", pos=numbers(0, 0, robot.wheel.radius))
     add(base, "freejoint", name="base")
     _add_chassis(base, robot)
-    add_visuals(base, robot)
+    add_visuals(root, base, robot)
     if has_obstacles:
         add_obstacles(root, base, robot, walls=walls, moving=moving)
     actuators = add(root, "actuator")

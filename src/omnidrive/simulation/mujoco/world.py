@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
+from omnidrive.geometry.polygon import Polygon
 from omnidrive.robot import Robot
 from omnidrive.simulation.moving_obstacle import MovingObstacle
 from omnidrive.simulation.mujoco.mjcf import (
@@ -21,6 +22,7 @@ from omnidrive.simulation.mujoco.mjcf import (
     yaw_quaternion,
 )
 from omnidrive.simulation.mujoco.obstacle_boxes import ObstacleBoxes
+from omnidrive.simulation.mujoco.outline import add_prisms
 
 MAX_NEAR_BOXES = 8
 """Largest number of boxes of the map that are simulated at a time: those nearest to the robot."""
@@ -34,6 +36,7 @@ MAX_DRAWN_BOXES = 5000
 _SMOOTH_CONTACT = dict(CONTACT, friction="0.1 0.0005 0.0001", mass="0")
 _WALL_COLOUR = ".42 .45 .5 1"
 _DRAWN_HEIGHT = 0.2  # m
+_HALF_THICKNESS = 0.01  # m, of the collision body of an outline
 
 
 def add_floor(root: ET.Element, world: ET.Element, robot: Robot) -> None:
@@ -61,7 +64,7 @@ def add_floor(root: ET.Element, world: ET.Element, robot: Robot) -> None:
     add(world, "geom", name="floor", type="plane", size="50 50 1", material="floor", **floor)
 
 
-def add_visuals(base: ET.Element, robot: Robot) -> None:
+def add_visuals(root: ET.Element, base: ET.Element, robot: Robot) -> None:
     """Add a plate, a deck and a nose that points forward, all without mass and contacts."""
     top = max(1.15 * robot.wheel.radius, 2.0 * robot.com_height - robot.wheel.radius)
     radius = robot.body_radius
@@ -70,10 +73,15 @@ def add_visuals(base: ET.Element, robot: Robot) -> None:
         size=numbers(0.75 * robot.mean_wheel_distance, 0.1 * top),
         pos=numbers(0, 0, 0.6 * top), rgba=".17 .33 .58 1", **VISUAL,
     )  # fmt: skip
-    add(
-        base, "geom", name="deck", type="cylinder", size=numbers(0.97 * radius, 0.06 * top),
-        pos=numbers(0, 0, 1.2 * top), rgba=".2 .4 .7 .45", **VISUAL,
-    )  # fmt: skip
+    deck = {"rgba": ".2 .4 .7 .45", **VISUAL}
+    if robot.outline is None:
+        add(
+            base, "geom", name="deck", type="cylinder", size=numbers(0.97 * radius, 0.06 * top),
+            pos=numbers(0, 0, 1.2 * top), **deck,
+        )  # fmt: skip
+    else:
+        polygon = Polygon.of(np.array(robot.outline))
+        add_prisms(root, base, "deck", polygon, (1.14 * top, 1.26 * top), deck)
     add(
         base, "geom", name="nose", type="box",
         size=numbers(0.17 * radius, 0.05 * radius, 0.05 * top),
@@ -93,8 +101,8 @@ def add_obstacles(
 
     The collision body is a sphere with the robot's radius, and obstacles are higher than it. It
     therefore touches their vertical faces and edges at the height of its centre, as a disc on the
-    floor would, with the fastest of MuJoCo's collision functions. It collides only with obstacles,
-    and obstacles collide only with it.
+    floor would, with the fastest of MuJoCo's collision functions. With an outline it is a flat
+    prism at that height. It collides only with obstacles, and obstacles collide only with it.
 
     Args:
         root: Element ``mujoco`` with the elements ``worldbody`` and ``asset``.
@@ -103,10 +111,12 @@ def add_obstacles(
         walls: Boxes of the map; None: no map.
         moving: Moving obstacles, at their positions at t = 0.
     """
-    add(
-        base, "geom", name="body", type="sphere", size=robot.body_radius, contype="2",
-        conaffinity="0", rgba="1 0 0 .2", group="4", **_SMOOTH_CONTACT,
-    )  # fmt: skip
+    shape = {"contype": "2", "conaffinity": "0", "rgba": "1 0 0 .2", "group": "4"} | _SMOOTH_CONTACT
+    if robot.outline is None:
+        add(base, "geom", name="body", type="sphere", size=robot.body_radius, **shape)
+    else:
+        polygon = Polygon.of(np.array(robot.outline))
+        add_prisms(root, base, "body", polygon, (-_HALF_THICKNESS, _HALF_THICKNESS), shape)
     reach = robot.body_radius + MAX_REACH  # half the side of the largest clipped box
     height = reach + 1.0  # the greatest half size: a body inside is pushed out sideways
     world = root.find("worldbody")
