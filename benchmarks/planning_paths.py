@@ -1,17 +1,18 @@
-"""Rows of the planning benchmark on paths: costs against shortest paths, and fast headings."""
+"""Rows of the planning benchmark on paths: costs, headings, and polygons of robots."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 from figures import at_least, at_most, row
 
 from omnidrive.errors import OmnidriveError
 from omnidrive.maps import Inflation, OccupancyGrid, load_map, rooms_map, warehouse_map
-from omnidrive.planning import PathOptions, Plan, Planner, SplinePath, Waypoint
+from omnidrive.planning import PathOptions, Plan, Planner, SplinePath, Waypoint, plan_footprint
+from omnidrive.planning.footprint import PoseSearch
 from omnidrive.reference import MotionLimits, time_within_limits
 from omnidrive.robot import named_robot
 
@@ -19,6 +20,8 @@ INFLATION = 0.25  # m
 PATHS, HEADING_PATHS = 12, 20
 FARTHEST = 2.0  # m between start and goal, at least
 SAMPLES = 801
+BOX = np.array([[0.35, 0.25], [-0.35, 0.25], [-0.35, -0.25], [0.35, -0.25]])  # m
+FOOTPRINT_SIDE, FOOTPRINT_MAPS, FOOTPRINT_QUERIES = 500, 4, 10
 
 
 def maps(files: list[Path]) -> dict[str, OccupancyGrid]:
@@ -116,6 +119,51 @@ def heading_rows() -> Iterator[dict[str, object]]:
             gains.append(100.0 * (tangent / fastest - 1.0))
         yield at_least(f"heading fastest, {name}: least gain over tangent", min(gains), "%", 0.0)
         yield row(f"heading fastest, {name}: median gain", float(np.median(gains)), "%")
+
+
+def footprint_rows() -> Iterator[dict[str, object]]:
+    """Yield the processor times of plans of a robot of 14 x 10 cells on maps of 500 x 500 cells."""
+    seconds: dict[str, list[float]] = {"disc": [], "polygon": [], "none": []}
+    for seed in range(FOOTPRINT_MAPS):
+        rng = np.random.default_rng(seed)
+        grid = blocks_map(rng)
+        poses = PoseSearch(grid, BOX)
+        for start, goal in zip(*(free_waypoints(poses, rng) for _ in range(2)), strict=True):
+            plan_footprint(grid, start, start, footprint=BOX)  # the caches of the map
+            began = process_time()
+            try:
+                shape = str(plan_footprint(grid, start, goal, footprint=BOX).shape)
+            except OmnidriveError:
+                shape = "none"
+            seconds[shape].append(process_time() - began)
+    every = np.concatenate(list(seconds.values()))
+    title = f"footprint, {FOOTPRINT_SIDE} x {FOOTPRINT_SIDE} cells"
+    yield at_most(f"{title}: median processor time", 1e3 * float(np.median(every)), "ms", 150.0)
+    yield row(f"{title}: longest processor time", 1e3 * float(every.max()), "ms")
+    for shape, times in seconds.items():
+        yield row(f"{title}: plans with shape {shape}", len(times), "1")
+        if times:
+            median = 1e3 * float(np.median(times))
+            yield row(f"{title}: median processor time, shape {shape}", median, "ms")
+
+
+def blocks_map(rng: np.random.Generator) -> OccupancyGrid:
+    """Return a map with random blocks of 5 to 40 cells a side, in cells of 0.05 m."""
+    side = FOOTPRINT_SIDE
+    occupied = np.zeros((side, side), bool)
+    for row_, col, height, width in rng.integers((0, 0, 5, 5), (side, side, 41, 41), (170, 4)):
+        occupied[row_ : row_ + height, col : col + width] = True
+    return OccupancyGrid(occupied, 0.05)
+
+
+def free_waypoints(poses: PoseSearch, rng: np.random.Generator) -> Iterator[Waypoint]:
+    """Yield random poses at which the polygon is free."""
+    count = 0
+    while count < FOOTPRINT_QUERIES:
+        r, c, k = rng.integers((FOOTPRINT_SIDE, FOOTPRINT_SIDE, 72)).tolist()
+        if poses.is_free(r, c, k):
+            count += 1
+            yield Waypoint(*poses.grid.centre(r, c), np.deg2rad(5.0 * k))
 
 
 def random_path(rng: np.random.Generator) -> SplinePath:
