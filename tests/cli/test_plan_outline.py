@@ -13,7 +13,7 @@ from tests.scenario.doors import write_door
         ([[0.2, 0.2], [-0.2, -0.2], [-0.2, 0.2], [0.2, -0.2]], "not a simple polygon"),
         ([[0.2, 0.2], [-0.2, -0.2]], "at least three corners"),
         ([[0.3, 0.1], [0.1, 0.1], [0.1, 0.2]], "contain the origin"),
-        ("0.3 0.2", "outline"),
+        ("0.3 0.2", "robot.outline needs corners such as"),
         ([[0.3, float("nan")], [0.1, 0.1], [0.1, 0.2]], "outline"),
     ],
 )

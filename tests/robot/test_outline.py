@@ -52,7 +52,8 @@ def test_concave_outline_is_accepted():
         ([[0.5, 0.2], [-0.3, 0.2], [-0.3, -0.2]], "beyond body_radius 0.37 m"),
         ([[0.2, 0.1, 0.0], [-0.2, 0.1], [0.0, -0.2]], "a list of corners"),
         ([[0.2, "x"], [-0.2, 0.1], [0.0, -0.2]], "must be a number"),
-        ("0.3 0.2", "a list of corners"),
+        ("0.3 0.2", "needs corners such as"),
+        (3000 * "[", "needs corners such as"),
         (7, "a list of corners"),
     ],
 )

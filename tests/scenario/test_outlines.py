@@ -86,6 +86,10 @@ def test_keep_out_zones_apply_to_the_polygon(scenario, tmp_path):
     save_nav2_map(OccupancyGrid(mask, 0.05), tmp_path / "mask.yaml")
     with pytest.raises(NoPathFound, match="polygon"):
         plan_and_check(scenario(costs={"keepout": "mask.yaml"}))
+    save_nav2_map(OccupancyGrid(np.zeros((60, 80), bool), 0.05), tmp_path / "mask.yaml")
+    planned = plan_and_check(scenario(costs={"keepout": "mask.yaml"}))
+    assert "only keep-out masks and speed zones" in planned.plan.reason
+    assert planned.plan.costs is not None
 
 
 def test_robot_drives_through_the_door_without_contact(scenario):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, short_repr
 from omnidrive.geometry.polygon import Polygon
 from omnidrive.robot.checks import check_no_faults
 
@@ -44,14 +44,19 @@ def outline_of(value: Any) -> Any:
     """Return the corners that a text of the form of Nav2 denotes; other values are unchanged.
 
     Nav2 writes the parameter ``footprint`` as a text such as ``"[[0.3, 0.2], [-0.3, 0.2], ...]"``
-    (nav2_costmap_2d). A text of another form is unchanged too.
+    (nav2_costmap_2d).
+
+    Raises:
+        ValueError: The text has another form.
     """
     if not isinstance(value, str):
         return value
     try:
         return loads(value)
-    except ValueError:
-        return value
+    except (ValueError, RecursionError):
+        raise ValueError(
+            f"needs corners such as [[0.3, 0.2], ...], in m, got {short_repr(value)}"
+        ) from None
 
 
 def outline_radius(outline: Outline) -> float:

@@ -345,7 +345,11 @@ class _Source:
 
     def outline(self, value: Any) -> Any:
         """Return the corners of the outline; None if one has a fault."""
-        corners = outline_of(value)
+        try:
+            corners = outline_of(value)
+        except ValueError as error:
+            self.add(f"outline {error}")
+            return None
         if not isinstance(corners, list) or not all(
             isinstance(each, list) and len(each) == 2 for each in corners
         ):

@@ -68,6 +68,7 @@ def _polygon_plan(
     assert scenario.goal is not None
     if costs is not None:
         obstacles = replace(obstacles, occupied=obstacles.occupied | costs.kept_out)
+        reason += "; of the costs only keep-out masks and speed zones apply to the polygon"
     found = plan_polygon(
         obstacles,
         Waypoint(*scenario.start),
