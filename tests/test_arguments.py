@@ -27,7 +27,10 @@ from omnidrive.control.pid import gain_tuning_system
 from omnidrive.control.pid.rules import paper_rules
 from omnidrive.errors import InvalidInput
 
-RESULTS = {"FootprintPlan", "MinimumTime", "Publisher", "RequiredLimit", "Study", "Subscription"}
+RESULTS = {
+    "FootprintPlan", "MinimumTime", "Publisher", "RequiredLimit", "Study", "Subscription",
+    "WaypointMotion",
+}  # fmt: skip
 """Classes whose objects are results, which users do not make."""
 EXTRAS = {"omnidrive.cli", "omnidrive.gym"}
 SYSTEM = gain_tuning_system(paper_rules())

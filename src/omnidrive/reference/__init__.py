@@ -37,6 +37,14 @@ from omnidrive.reference.uniform_reference import (
     top_speed,
     wheel_speed_used,
 )
+from omnidrive.reference.waypoint_motion import (
+    Disc,
+    MotionWaypoint,
+    Polygon,
+    Section,
+    WaypointMotion,
+    minimum_time_through,
+)
 from omnidrive.reference.waypoint_reference import spline_along, waypoint_reference
 from omnidrive.reference.waypoints import load_waypoints, save_waypoints
 
@@ -44,12 +52,15 @@ __all__ = [
     "Circle",
     "Corridor",
     "DelayedReference",
+    "Disc",
     "Eight",
     "Heading",
     "Hold",
     "LimitRows",
     "MinimumTime",
     "MotionLimits",
+    "MotionWaypoint",
+    "Polygon",
     "RaisedCosine",
     "RandomSmooth",
     "Reference",
@@ -57,6 +68,7 @@ __all__ = [
     "ReferencePath",
     "RetimedReference",
     "SampledReference",
+    "Section",
     "Setpoint",
     "ShapeReference",
     "Slalom",
@@ -64,11 +76,13 @@ __all__ = [
     "Square",
     "TimedReference",
     "UniformReference",
+    "WaypointMotion",
     "delay_within_limits",
     "limit_rows",
     "limit_usage",
     "load_waypoints",
     "minimum_time",
+    "minimum_time_through",
     "needed_limits",
     "sample_within_limits",
     "save_waypoints",

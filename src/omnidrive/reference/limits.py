@@ -7,7 +7,7 @@ from math import cos, inf, isfinite, isnan, pi
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
@@ -138,6 +138,34 @@ class LimitRows(NamedTuple):
             np.linalg.norm(values, axis=0) if self.euclidean else np.abs(values).max(axis=0)
         )
         return shares
+
+
+class SectionLimit(NamedTuple):
+    """Limit that holds on a part of a path.
+
+    Attributes:
+        limit: The limit.
+        first: Path parameter s at the start of the part; s increases by 1 on each piece.
+        last: Path parameter at its end, not below :attr:`first`; where both are equal, the limit
+            holds on the intervals that meet there.
+    """
+
+    limit: LimitRows
+    first: float
+    last: float
+
+    def intervals(self, count: int, width: float) -> Bool[Array, " intervals"]:
+        """Return on which of ``count`` intervals of equal ``width`` in s the limit holds."""
+        starts = np.arange(count) * width
+        inset = -_TOUCH if self.last <= self.first else _TOUCH
+        inside: Bool[Array, " intervals"] = (starts + width > self.first + inset) & (
+            starts < self.last - inset
+        )
+        return inside
+
+
+_TOUCH = 1e-9
+"""Rounding of the path parameter."""
 
 
 def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:

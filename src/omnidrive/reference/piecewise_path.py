@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
@@ -90,6 +91,28 @@ class PiecewisePath:
                 converted._check_turns()
                 return converted
             count *= 2
+
+    @classmethod
+    def joined(cls, paths: Sequence[SplinePath]) -> PiecewisePath:
+        """Convert spline paths, each of which starts at the end of the one before.
+
+        Their headings are kept. Each piece is divided into the same number of pieces. First
+        derivatives may jump where two paths meet: there the robot has to rest.
+
+        Raises:
+            InvalidReference: There are too many pieces, or the heading turns too often.
+        """
+        counts = [len(path.control_points) - 3 for path in paths]
+        parts = 1
+        while True:
+            pieces = [_hermite_pieces(p, parts * n) for p, n in zip(paths, counts, strict=True)]
+            converted = cls(np.concatenate(pieces), tangent=False)
+            if converted._set_headings():
+                return converted
+            if 2 * parts * sum(counts) > _MAX_PIECES:
+                converted._check_turns()
+                return converted
+            parts *= 2
 
     def at(self, piece: Int[Array, " n"], r: Float[Array, " n"]) -> PathDerivatives:
         """Evaluate the given pieces at r in [0, 1]; at its ends, a piece is evaluated one-sided."""

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from math import ceil, log2
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
-from omnidrive.reference.limits import LimitRows, limit_terms
+from omnidrive.reference.limits import LimitRows, SectionLimit, limit_terms
 from omnidrive.reference.piecewise_path import PiecewisePath, body_derivatives
 from omnidrive.reference.reachability import max_squared_speeds
 from omnidrive.reference.timed_reference import TimedReference
@@ -39,11 +41,27 @@ ZoneSpeeds = Callable[[Float[Array, "points 2"]], Float[Array, " points"]]
 """Largest speed, m/s, at points (x, y) in W, m."""
 
 
+class PathSections(NamedTuple):
+    """Parts of a path with limits of their own, and stops between its ends.
+
+    Attributes:
+        limits: Limits of parts of the path, with different names.
+        stops: Indices of the pieces at whose start the robot rests, increasing.
+    """
+
+    limits: tuple[SectionLimit, ...] = ()
+    stops: tuple[int, ...] = ()
+
+
+NO_SECTIONS = PathSections()
+
+
 def time_optimal_reference(
     path: PiecewisePath,
     limits: tuple[LimitRows, ...],
     start_speed: float = 0.0,
     zone_speeds: ZoneSpeeds | None = None,
+    sections: PathSections = NO_SECTIONS,
 ) -> TimedReference:
     """Return the fastest motion along ``path`` within ``limits`` that ends at rest.
 
@@ -55,26 +73,26 @@ def time_optimal_reference(
     corner, are tightened. A remaining violation is removed by slowing the whole motion.
 
     In each interval ``zone_speeds`` limits the speed of the origin of B to the least of its values
-    there.
+    there. The limits of ``sections`` hold in all intervals of their parts.
     """
     pieces = len(path.pieces)
     maximum = max(4 if pieces <= _LONG else 2, _MAX_NODES // pieces)
     per_piece = min(max(2, -(-_FIRST_NODES // pieces)), maximum)
     if 2 * per_piece < maximum:
-        coarse = _on_grid(path, limits, per_piece, start_speed, zone_speeds)
-        fine = _on_grid(path, limits, 2 * per_piece, start_speed, zone_speeds)
+        coarse = _on_grid(path, limits, per_piece, start_speed, zone_speeds, sections)
+        fine = _on_grid(path, limits, 2 * per_piece, start_speed, zone_speeds, sections)
         gain = abs(coarse.duration / fine.duration - 1.0)
         per_piece = min(per_piece * 2 ** max(1, ceil(log2(2.0 * gain / _GAIN + 1e-9))), maximum)
     else:
         per_piece = maximum
     factors = np.ones(per_piece * pieces)
-    reference = _on_grid(path, limits, per_piece, start_speed, zone_speeds)
+    reference = _on_grid(path, limits, per_piece, start_speed, zone_speeds, sections)
     for _ in range(_TRIES):
         usage = _peak_usage(reference)
         if usage.max() <= 1.0 + _EXCESS:
             break
         factors *= np.maximum(usage, 1.0)
-        reference = _on_grid(path, limits, per_piece, start_speed, zone_speeds, factors)
+        reference = _on_grid(path, limits, per_piece, start_speed, zone_speeds, sections, factors)
     usage = _peak_usage(reference).max()
     return reference.with_duration(reference.duration * usage**0.5) if usage > 1.0 else reference
 
@@ -93,6 +111,7 @@ def _on_grid(  # noqa: PLR0917
     per_piece: int,
     start_speed: float,
     zone_speeds: ZoneSpeeds | None,
+    sections: PathSections = NO_SECTIONS,
     factors: Float[Array, " intervals"] | None = None,
 ) -> TimedReference:
     """Return the fastest motion whose path acceleration is constant on each interval.
@@ -103,9 +122,14 @@ def _on_grid(  # noqa: PLR0917
         per_piece: Number of intervals on each piece.
         start_speed: Largest ds/dt at the start, 1/s.
         zone_speeds: Largest speed of the origin of B at points in W; None: no zones.
+        sections: Limits of parts of the path, and stops between its ends.
         factors: Divisor of the limits in each interval; speed limits are divided by its root.
     """
     a, b, still = interval_rows(path, limits, per_piece)
+    for each in sections.limits:
+        section_a, section_b, _ = interval_rows(path, (each.limit,), per_piece)
+        inside = each.intervals(len(a), 1.0 / per_piece)[:, None]
+        a, b = np.hstack([a, section_a * inside]), np.hstack([b, section_b * inside])
     if zone_speeds is not None:
         zone_a, zone_b = _zone_rows(path, zone_speeds, per_piece)
         a, b = np.hstack([a, zone_a]), np.hstack([b, zone_b])
@@ -116,8 +140,19 @@ def _on_grid(  # noqa: PLR0917
         a *= factors[:, None]
         b *= factors[:, None]
     ends = top if still[0] else start_speed**2, top if still[1] else 0.0
-    x = max_squared_speeds(a, b, 1.0 / per_piece, top, ends)
-    reference = TimedReference(path, limits, x)
+    bounds = [0, *(stop * per_piece for stop in sections.stops), len(a)]
+    parts = [
+        max_squared_speeds(
+            a[i:k],
+            b[i:k],
+            1.0 / per_piece,
+            top,
+            (ends[0] if i == 0 else 0.0, ends[1] if k == len(a) else 0.0),
+        )
+        for i, k in pairwise(bounds)
+    ]
+    x = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
+    reference = TimedReference(path, limits, x, sections.limits)
     if not np.isfinite(reference.duration):
         raise InvalidReference(
             "the limits differ by too many orders of magnitude to time this path: check their units"
@@ -140,7 +175,8 @@ def _zone_rows(
 def _peak_usage(reference: TimedReference) -> Float[Array, " intervals"]:
     """Return the peak share of the squared speed and acceleration limits in each interval."""
     usage = reference.interval_usage
-    shares = [usage[g.name] ** (2.0 if g.kind == "speed" else 1.0) for g in reference.limits]
+    groups = [*reference.limits, *(each.limit for each in reference.section_limits)]
+    shares = [usage[g.name] ** (2.0 if g.kind == "speed" else 1.0) for g in groups]
     peak: Float[Array, " intervals"] = np.max(shares, axis=0)
     return peak
 

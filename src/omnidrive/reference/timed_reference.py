@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
-from omnidrive.reference.limits import LimitRows
+from omnidrive.reference.limits import LimitRows, SectionLimit
 from omnidrive.reference.piecewise_path import PathDerivatives, PiecewisePath, body_derivatives
 from omnidrive.reference.reference import WindowReference
 
@@ -29,11 +29,13 @@ class TimedReference(WindowReference):
         path: Poses as a function of s.
         limits: Limits that :attr:`limit_usage` evaluates.
         squared_speeds: (ds/dt)^2 at the nodes, in 1/s^2; a whole number of intervals per piece.
+        section_limits: Limits of parts of the path, which :attr:`limit_usage` evaluates there.
     """
 
     path: PiecewisePath
     limits: tuple[LimitRows, ...]
     squared_speeds: Float[Array, " nodes"]
+    section_limits: tuple[SectionLimit, ...] = ()
 
     @property
     def _width(self) -> float:
@@ -77,14 +79,18 @@ class TimedReference(WindowReference):
         Evaluated at both ends of each interval and at seven points between.
         """
         count = len(self.squared_speeds) - 1
-        usage = {group.name: np.zeros(count) for group in self.limits}
+        parts = [(each.limit, each.intervals(count, self._width)) for each in self.section_limits]
+        everywhere = np.ones(count, bool)
+        groups = [*((group, everywhere) for group in self.limits), *parts]
+        usage = {group.name: np.zeros(count) for group, _ in groups}
         before, after = self.squared_speeds[:-1], self.squared_speeds[1:]
         u = ((after - before) / (2.0 * self._width))[:, None]
         for share in np.arange(_CHECKS + 1) / _CHECKS:
             body = body_derivatives(self._derivatives(np.arange(count), np.full(count, share)))
             x = (before + share * (after - before))[:, None]
-            for group in self.limits:
-                usage[group.name] = np.maximum(usage[group.name], _usage(group, body, u, x))
+            for group, inside in groups:
+                shares = np.where(inside, _usage(group, body, u, x), 0.0)
+                usage[group.name] = np.maximum(usage[group.name], shares)
         return usage
 
     @cached_property
@@ -106,7 +112,7 @@ class TimedReference(WindowReference):
                 f"within the limits takes {self.duration:.3f} s"
             )
         slower = (self.duration / duration) ** 2
-        return TimedReference(self.path, self.limits, self.squared_speeds * slower)
+        return replace(self, squared_speeds=self.squared_speeds * slower)
 
 
 def _usage(

@@ -19,10 +19,10 @@ from omnidrive.reference.spline_basis import bezier_basis, spline_basis
 from omnidrive.reference.time_parameterization import time_optimal_reference
 from omnidrive.reference.timed_reference import TimedReference
 
-_PER_PIECE = 4
+PER_PIECE = 4
 """Intervals on each piece of the spline."""
 
-_GAUSS_POINTS = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)
+GAUSS_POINTS = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)
 """Collocation points of the acceleration limits, as shares of an interval."""
 
 _SPREAD = 0.1
@@ -172,8 +172,15 @@ class Transcription:
         return path, bool(self._solver.stats()["success"])
 
 
-def casadi() -> ModuleType:
+def casadi(
+    purpose: str = "free headings and timing 'minimum-time' need",
+    instead: str = ", or choose timing 'limits' with another heading",
+) -> ModuleType:
     """Import CasADi.
+
+    Args:
+        purpose: What needs it, for the message.
+        instead: Another way out, for the message.
 
     Raises:
         MissingExtra: CasADi is not installed.
@@ -182,8 +189,7 @@ def casadi() -> ModuleType:
         return import_module("casadi")
     except ImportError as error:
         raise MissingExtra(
-            "free headings and timing 'minimum-time' need CasADi, which is not installed: "
-            "pip install casadi, or choose timing 'limits' with another heading"
+            f"{purpose} CasADi, which is not installed: pip install casadi{instead}"
         ) from error
 
 
@@ -212,7 +218,7 @@ def _limit_step(
 def _speeds(timed: TimedReference, pieces: int) -> Float[Array, " nodes"]:
     """Return the squared speeds of a motion at the nodes, limited where they are singular."""
     x = timed.squared_speeds * (pieces / len(timed.path.pieces)) ** 2
-    nodes = np.linspace(0.0, 1.0, pieces * _PER_PIECE + 1)
+    nodes = np.linspace(0.0, 1.0, pieces * PER_PIECE + 1)
     speeds = np.interp(nodes, np.linspace(0.0, 1.0, len(x)), x)
     limited: Float[Array, " nodes"] = np.minimum(speeds, 10.0 * np.median(speeds))
     return limited
@@ -225,19 +231,19 @@ def _program(
 
     The upper bounds are 1.
     """
-    width, nodes = 1.0 / _PER_PIECE, (points - 3) * _PER_PIECE + 1
+    width, nodes = 1.0 / PER_PIECE, (points - 3) * PER_PIECE + 1
     flat, inner = ca.MX.sym("p", 3 * points), ca.MX.sym("x", nodes - 2)
     control = ca.reshape(flat, 3, points)
     x, roots = ca.vertcat(0.0, inner, 0.0), ca.vertcat(0.0, ca.sqrt(inner), 0.0)
     u = (x[1:] - x[:-1]) / (2.0 * width)
     time = ca.sum1(2.0 * width / (roots[:-1] + roots[1:]))
     uneven = control[:, 2:] - 2.0 * control[:, 1:-1] + control[:, :-2]
-    speed, change = _limit_functions(ca, limits)
-    yaw, first, _ = _motion(ca, control, np.arange(nodes) * width)
+    speed, change = limit_functions(ca, limits)
+    yaw, first, _ = spline_motion(ca, control, np.arange(nodes) * width)
     squares = speed.map(nodes)(yaw, first, x.T)
     shares = []
-    for point in _GAUSS_POINTS:
-        motion = _motion(ca, control, (np.arange(nodes - 1) + point) * width)
+    for point in GAUSS_POINTS:
+        motion = spline_motion(ca, control, (np.arange(nodes - 1) + point) * width)
         between = x[:-1] + point * (x[1:] - x[:-1])
         shares.append(ca.vec(change.map(nodes - 1)(*motion, between.T, u.T)))
     rows = ca.vertcat(ca.vec(squares), *shares)
@@ -252,7 +258,7 @@ def _program(
     return ca.nlpsol("minimum_time", "ipopt", problem, options), low
 
 
-def _limit_functions(ca: ModuleType, limits: tuple[LimitRows, ...]) -> tuple[Any, Any]:
+def limit_functions(ca: ModuleType, limits: tuple[LimitRows, ...]) -> tuple[Any, Any]:
     """Return functions for the squared usage of speed limits, and the usage of all others.
 
     Their arguments are yaw, first derivative (, second derivative), x and u at one point. See
@@ -283,7 +289,7 @@ def _limit_functions(ca: ModuleType, limits: tuple[LimitRows, ...]) -> tuple[Any
     )
 
 
-def _motion(ca: ModuleType, control: Any, s: Float[Array, " n"]) -> tuple[Any, Any, Any]:
+def spline_motion(ca: ModuleType, control: Any, s: Float[Array, " n"]) -> tuple[Any, Any, Any]:
     """Return yaw, first and second derivatives of the spline at parameters s."""
     points = control.shape[1]
     basis = spline_basis(points)

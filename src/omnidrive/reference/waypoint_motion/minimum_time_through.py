@@ -1,0 +1,180 @@
+"""Minimum-time motion through waypoints within limits and constraints of sections."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from omnidrive.arrays import Array
+from omnidrive.errors import NoPathFound
+from omnidrive.planning import SplinePath
+from omnidrive.reference.limits import LimitRows, MotionLimits, SectionLimit, limit_rows
+from omnidrive.reference.piecewise_path import PiecewisePath
+from omnidrive.reference.time_parameterization import PathSections, time_optimal_reference
+from omnidrive.reference.timed_reference import TimedReference
+from omnidrive.reference.transcription import casadi
+from omnidrive.reference.waypoint_motion.constraints import constraints_of, margins
+from omnidrive.reference.waypoint_motion.faults import TOLERANCE, check_problem
+from omnidrive.reference.waypoint_motion.initial_path import InitialPath, initial_path, through
+from omnidrive.reference.waypoint_motion.layout import Layout
+from omnidrive.reference.waypoint_motion.program import Problem, Program
+from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.robot import Chassis
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class WaypointMotion:
+    """Fastest motion found through waypoints; every constraint is proved to hold.
+
+    Attributes:
+        reference: The motion; its :attr:`~TimedReference.limit_usage` has the limits of sections
+            as well.
+        waypoint_times: Time at which it passes each waypoint, in s.
+        status: Origin of the motion. ``converged``: a local optimum of the discretised problem;
+            ``capped``: the solver stopped before convergence; ``guess``: the initial path, because
+            the solver found none that satisfies all constraints.
+        message: One sentence on the result.
+        margins: Lower bound of the margin of each constraint on poses, by its name; m, and rad for
+            headings. At least -1e-5.
+    """
+
+    reference: TimedReference
+    waypoint_times: Float[Array, " waypoints"]
+    status: Literal["converged", "capped", "guess"]
+    message: str
+    margins: dict[str, float]
+
+
+def minimum_time_through(
+    waypoints: Sequence[MotionWaypoint],
+    chassis: Chassis,
+    limits: MotionLimits,
+    sections: Sequence[Section] = (),
+    *,
+    body_radius: float = 0.0,
+) -> WaypointMotion:
+    """Return the fastest motion through ``waypoints`` that the solver finds.
+
+    The motion rests at both ends and at stops. Path, headings and speeds are optimised together,
+    see :class:`~omnidrive.reference.waypoint_motion.program.Program`; then the timing along the
+    path is computed exactly. Waypoints are met exactly, limits hold between samples as well, and
+    regions are kept by the whole curve, which is proved after the optimisation, to 1e-5 m.
+
+    Args:
+        waypoints: 2 to 200 waypoints.
+        chassis: Wheel kinematics and wheel speed limit.
+        limits: All other limits of the whole motion.
+        sections: Constraints between waypoints; in messages they are numbered from 0.
+        body_radius: Radius of the disc around the origin of B that stays in and out of regions, in
+            m; 0: only the origin.
+
+    Raises:
+        InvalidInput: The problem has faults, such as a waypoint inside a keep-out region; the
+            message names all of them.
+        NoPathFound: No motion was found; the message names the constraint that hinders it most.
+        MissingExtra: CasADi is not installed.
+    """
+    casadi("a motion through waypoints needs", "")
+    points = tuple(waypoints)
+    counted = check_problem(points, sections, body_radius)
+    rows = limit_rows(chassis, limits)
+    constraints = tuple(constraints_of(points, counted))
+    section_limits = tuple((each, _rows(each, k)) for k, each in enumerate(counted))
+    problem = Problem(points, constraints, rows, section_limits, body_radius)
+    guess = initial_path(points, constraints, body_radius)
+    timed = _timed(problem, guess.layout, guess.paths)
+    program = Program(problem, guess, timed)
+    solution = program.solve()
+    found = _through(problem, guess, solution.paths)
+    status: Literal["converged", "capped", "guess"]
+    status = "converged" if solution.converged else "capped"
+    if not _holds(problem, guess.layout, found):
+        found, status = guess.paths, "guess"
+        if not _holds(problem, guess.layout, found):
+            raise NoPathFound(_blame(problem, program))
+    reference = _timed(problem, guess.layout, found)
+    nodes = guess.layout.nodes * (len(reference.squared_speeds) - 1) // guess.layout.nodes[-1]
+    bounds = margins(constraints, guess.layout, found, body_radius)
+    return WaypointMotion(
+        reference,
+        reference.times[nodes],
+        status,
+        f"{reference.duration:.3f} s through {len(points)} waypoints",
+        {each.name: bound for each, bound in zip(constraints, bounds, strict=True)},
+    )
+
+
+def _rows(section: Section, number: int) -> tuple[LimitRows, ...]:
+    """Return the finite limits of a section."""
+    plane, yaw = np.eye(3)[:2], np.eye(3)[2:]
+    groups = (
+        (LimitRows("speed", "speed", plane, euclidean=True), section.max_speed),
+        (LimitRows("yaw rate", "speed", yaw), section.max_yaw_rate),
+        (
+            LimitRows("acceleration", "acceleration", plane, euclidean=True),
+            section.max_acceleration,
+        ),
+        (LimitRows("yaw acceleration", "acceleration", yaw), section.max_yaw_acceleration),
+    )
+    return tuple(
+        group._replace(name=f"{group.name} of section {number}", rows=group.rows / limit)
+        for group, limit in groups
+        if isfinite(limit)
+    )
+
+
+def _timed(problem: Problem, layout: Layout, paths: Sequence[SplinePath]) -> TimedReference:
+    """Return the fastest motion along splines within all limits."""
+    path = PiecewisePath.joined(paths)
+    scale = len(path.pieces) // int(layout.nodes[-1])
+    nodes = (layout.nodes * scale).tolist()
+    limits = tuple(
+        SectionLimit(limit, float(nodes[section.first]), float(nodes[section.last]))
+        for section, limits in problem.section_limits
+        for limit in limits
+    )
+    stops = tuple((layout.starts[1:-1] * scale).tolist())
+    return time_optimal_reference(path, problem.limits, sections=PathSections(limits, stops))
+
+
+def _through(
+    problem: Problem, guess: InitialPath, paths: Sequence[SplinePath]
+) -> tuple[SplinePath, ...]:
+    """Return the splines, moved by the solver's tolerance to pass waypoints and to meet."""
+    found: list[SplinePath] = []
+    for index, path in enumerate(paths):
+        control = path.control_points.copy()
+        if found:
+            control[0] = found[-1].control_points[-1]
+        control = through(problem.waypoints, guess.yaws, guess.layout, index, control)
+        found.append(SplinePath(control))
+    return tuple(found)
+
+
+def _holds(problem: Problem, layout: Layout, paths: Sequence[SplinePath]) -> bool:
+    bounds = margins(problem.constraints, layout, paths, problem.body_radius)
+    return all(bound >= -TOLERANCE for bound in bounds)
+
+
+def _blame(problem: Problem, program: Program) -> str:
+    """Return a message that names the constraint with the largest violation."""
+    elastic = program.solve(elastic=True)
+    named = [
+        f"{each.name}, which the nearest motion found violates by {violation:.3g} {each.unit}"
+        for violation, each in sorted(
+            zip(elastic.violations.tolist(), problem.constraints, strict=True),
+            key=lambda pair: -pair[0],
+        )
+        if violation > TOLERANCE
+    ]
+    if not named:
+        return (
+            "no motion through the waypoints was found that satisfies all constraints of the "
+            "sections; give another waypoint with fixed=False that guides the initial path"
+        )
+    return f"no motion through the waypoints was found, because of the {named[0]}"
