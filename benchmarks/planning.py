@@ -8,7 +8,7 @@ only this query, once, and the ratio refers to it. Our path lengths are checked 
 and must not exceed those of peers with the same moves.
 
 Rows on paths (planning_paths.py) compare plans with costs with the shortest ones, and headings;
-they give the processor time of plans of the polygon of a robot.
+they give the processor time of plans of the polygon of a robot, and measure time limits.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import numpy as np
 from figures import at_most, console, publish, ratio, row
 from peer_process import PeerProcess
 from planning_paths import cost_rows, footprint_rows, heading_rows
+from planning_time_limits import time_limit_rows
 from scipy import ndimage
 from timing import time_calls
 
@@ -189,7 +190,7 @@ def main() -> None:
     parser.add_argument("--maps", type=Path, nargs="*", default=[], help="map files with costs")
     parser.add_argument("--paths-only", action="store_true", help="no searches beside peers")
     arguments = parser.parse_args()
-    rows = [*cost_rows(arguments.maps), *heading_rows(), *footprint_rows()]
+    rows = [*cost_rows(arguments.maps), *time_limit_rows(), *heading_rows(), *footprint_rows()]
     if arguments.paths_only:
         publish("planning", rows)
         return

@@ -28,7 +28,7 @@ from omnidrive.control.pid.rules import paper_rules
 from omnidrive.errors import InvalidInput
 
 RESULTS = {
-    "FootprintPlan", "MinimumTime", "Publisher", "RequiredLimit", "Study", "Subscription",
+    "FootprintPlan", "MinimumTime", "Plan", "Publisher", "RequiredLimit", "Study", "Subscription",
     "WaypointMotion",
 }  # fmt: skip
 """Classes whose objects are results, which users do not make."""

@@ -116,6 +116,10 @@ class NoPathFound(OmnidriveError):
     """There is no path from start to goal."""
 
 
+class NoPathYet(NoPathFound):
+    """No path was found within the time limit; there may be one."""
+
+
 class MissingExtra(OmnidriveError):
     """A required optional dependency is not installed."""
 

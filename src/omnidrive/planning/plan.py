@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple, get_args
+from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from omnidrive.planning.drawing import path_svg
 from omnidrive.planning.path import Path, SplinePath
 from omnidrive.planning.search import SearchResult
 
+PlanStatus = Literal["complete", "not smoothed", "not optimal"]
+"""How far a plan with a time limit got."""
 _DRAWN = 300  # points of the path in notebooks
 
 
@@ -83,6 +85,10 @@ class Plan:
             possible depth.
         grid: The map.
         costs: Costs of the cells, None: none.
+        status: ``complete``; with a time limit also ``not smoothed``, if the smoothing did not end,
+            or ``not optimal``, if the search did not end.
+        suboptimality: Greatest possible ratio of the cost of the grid path to the least, if the
+            time limit ended the search; 1 otherwise.
     """
 
     search_result: SearchResult
@@ -92,6 +98,8 @@ class Plan:
     clearance: float
     grid: OccupancyGrid
     costs: CostMap | None = None
+    status: PlanStatus = "complete"
+    suboptimality: float = 1.0
 
     def _repr_html_(self) -> str:
         """Return drawing and main results for notebooks."""

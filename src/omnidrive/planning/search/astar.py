@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Int32, UInt8
 
@@ -36,6 +38,35 @@ STEPS = np.array([STRAIGHT] * 4 + [DIAGONAL] * 4)
 ROWS, COLS = np.array(MOVES).T.copy()
 
 
+class Progress(NamedTuple):
+    """Progress of a search.
+
+    Attributes:
+        best: Cost of the best path so far.
+        bucket: Bucket of the queue.
+        waiting: Number of queued cells; 0: the search has ended.
+        expansions: Number of expansions.
+        next_cell: Cell to expand next; 0: from the queue.
+        last: Number of expansions after which the search is interrupted.
+    """
+
+    best: int
+    bucket: int
+    waiting: int
+    expansions: int
+    next_cell: int
+    last: int
+
+    @classmethod
+    def of(cls, ends: tuple[int, int]) -> Progress:
+        """Return the progress of a search that begins, between two cells."""
+        return cls(0 if ends[0] == ends[1] else INFINITE, 0, 1, 0, 0, 0)
+
+    def until(self, most: int) -> Progress:
+        """Return the progress of a search that may expand ``most`` more cells."""
+        return self._replace(last=self.expansions + most)
+
+
 def astar(
     bitgrid: BitGrid,
     start: int,
@@ -49,54 +80,81 @@ def astar(
     paths". A cell is expanded again when a shorter path to it is found, so the order of the cells
     within a bucket does not affect the length of the result.
     """
-    words, expansions = explore(bitgrid, start, goal, move_table, heuristic)
-    return reconstruct_path(words, bitgrid.stride, start, goal), expansions
+    run = AStar(bitgrid, start, goal, move_table, heuristic)
+    run.explore()
+    return run.path(), run.progress.expansions
 
 
-def explore(
-    bitgrid: BitGrid,
-    start: int,
-    goal: int,
-    move_table: UInt8[Array, "10 512"],
-    heuristic: Heuristic,
-) -> tuple[Tiles, int]:
-    """Return one word per cell, 0 if the cell was not reached, and the number of expansions.
+class AStar:
+    """Search by A* that can be interrupted, and continues where it was.
 
-    A 32-bit word holds the lowest 27 bits of a length, which span 285 cells. With a consistent
-    heuristic these bits suffice to compare the lengths of two paths to one cell, and to recover a
-    full length from the bucket of the cell: a cell is expanded when its length is minimal up to
-    one bucket, and since its neighbours can be reached from it, no path over them is longer by
-    more than one bucket and two moves.
+    One word is kept per cell, 0 if the cell was not reached. A 32-bit word holds the lowest 27 bits
+    of a length, which span 285 cells. With a consistent heuristic these bits suffice to compare the
+    lengths of two paths to one cell, and to recover a full length from the bucket of the cell: a
+    cell is expanded when its length is minimal up to one bucket, and since its neighbours can be
+    reached from it, no path over them is longer by more than one bucket and two moves.
+
+    Args: as for :func:`astar`.
     """
-    words = empty_tiles(bitgrid, wide=not heuristic.is_consistent)
-    # one move raises an estimate by its length and the rise of the heuristic
-    queue = bucket_queue(4 * DIAGONAL >> BUCKET_SHIFT, _CAPACITY)
-    expansions = _explore(
-        bitgrid.bits, bitgrid.stride, start, goal, move_table, heuristic, words, *queue
-    )
-    return words, expansions
+
+    def __init__(
+        self,
+        bitgrid: BitGrid,
+        start: int,
+        goal: int,
+        move_table: UInt8[Array, "10 512"],
+        heuristic: Heuristic,
+    ) -> None:
+        words = empty_tiles(bitgrid, wide=not heuristic.is_consistent)
+        stride, ends = bitgrid.stride, (start, goal)
+        words[tile_index(stride, *divmod(start, stride))] = START_MOVE
+        self._problem = bitgrid.bits, stride, ends, move_table, heuristic, words
+        # one move raises an estimate by its length and the rise of the heuristic
+        self._queue, self._ring = bucket_queue(
+            4 * DIAGONAL >> BUCKET_SHIFT, _CAPACITY, _packed(stride, start)
+        )
+        self.progress = Progress.of(ends)
+
+    def explore(self, most: int = INFINITE) -> bool:
+        """Expand up to ``most`` cells; return whether the search has ended."""
+        self._queue, self.progress = _explore(
+            *self._problem, self._queue, self._ring, self.progress.until(most)
+        )
+        return self.progress.waiting == 0
+
+    def path(self) -> Int32[Array, " cells"]:
+        """Return the cells of the best path so far, empty if there is none."""
+        _, stride, ends, _, _, words = self._problem
+        return reconstruct_path(words, stride, *ends)
+
+    @property
+    def lower_bound(self) -> float:
+        """Length that no path falls below, in cell widths, if the heuristic is consistent."""
+        _, stride, (start, goal), _, heuristic, _ = self._problem
+        rows, cols = start // stride - goal // stride, start % stride - goal % stride
+        estimate = cost_to_go(heuristic, rows, cols)
+        return (estimate + (self.progress.bucket << BUCKET_SHIFT)) / STRAIGHT
 
 
 @compiled
 def _explore(  # noqa: PLR0917
     bits: UInt8[Array, " bytes"],
     stride: int,
-    start: int,
-    goal: int,
+    ends: tuple[int, int],
     move_table: UInt8[Array, "10 512"],
     heuristic: Heuristic,
     words: Tiles,
     queue: Int32[Array, " size"],
     ring: int,
-) -> int:
-    """Fill ``words`` and return the number of expansions."""
+    progress: Progress,
+) -> tuple[Int32[Array, " more"], Progress]:
+    """Fill ``words``; return queue and progress at the interruption or the end."""
+    start, goal = ends
     goal_row, goal_col, row, col = goal // stride, goal % stride, start // stride, start % stride
     start_estimate = cost_to_go(heuristic, row - goal_row, col - goal_col)
-    words[tile_index(stride, row, col)] = START_MOVE
-    shift = _bit_length(stride)  # the queue holds row and column, separable without a division
-    push(queue, ring, 0, row << shift | col)
-    best, bucket, waiting, expansions, next_cell = 0 if start == goal else INFINITE, 0, 1, 0, 0
-    while waiting > 0:
+    shift = _bit_length(stride)
+    best, bucket, waiting, expansions, next_cell, last = progress
+    while waiting > 0 and expansions < last:
         cell, next_cell, waiting = next_cell, 0, waiting - 1
         if cell == 0:
             while is_empty(queue, ring, bucket):
@@ -104,6 +162,7 @@ def _explore(  # noqa: PLR0917
             cell = pop(queue, ring, bucket)
         min_estimate = start_estimate + (bucket << BUCKET_SHIFT)
         if min_estimate >= best:
+            waiting = 0
             break
         row, col = cell >> shift, cell & (1 << shift) - 1
         at = tile_index(stride, row, col)
@@ -137,7 +196,7 @@ def _explore(  # noqa: PLR0917
                 next_cell = to
             else:
                 push(queue, ring, max(bucket, ahead), to)
-    return expansions
+    return queue, Progress(best, bucket, waiting, expansions, next_cell, last)
 
 
 @inlined
@@ -159,6 +218,12 @@ def _length_difference(words: Tiles, one: int, other: int) -> int:
     above = 64 - (8 * words.itemsize - LENGTH_SHIFT)
     difference: int = int64((one - other) << above) >> above
     return difference
+
+
+def _packed(stride: int, cell: int) -> int:
+    """Return row and column of a cell as the queue holds them: separable without a division."""
+    row, col = divmod(cell, stride)
+    return row << stride.bit_length() | col
 
 
 @inlined

@@ -21,17 +21,22 @@ from omnidrive.planning.search.bit_ops import int64
 _MAX_BUCKETS = 1 << 16
 
 
-def bucket_queue(buckets: int, capacity: int) -> tuple[Int32[Array, " size"], int]:
+def bucket_queue(
+    buckets: int, capacity: int, first: int | None = None
+) -> tuple[Int32[Array, " size"], int]:
     """Create an empty queue; return it and the index of its last bucket.
 
     Args:
         buckets: Greatest difference between the lengths of two queued cells, in buckets; limited
             to 2^16.
         capacity: Number of cells.
+        first: Cell to put into bucket 0; None: the queue is empty.
     """
     last = min(_MAX_BUCKETS, 1 << buckets.bit_length()) - 1
     queue = np.zeros(last + 2 + 2 * capacity, np.int32)
     queue[last + 1] = last + 2
+    if first is not None:
+        queue[[0, last + 1, last + 2]] = last + 2, last + 4, first
     return queue, last
 
 

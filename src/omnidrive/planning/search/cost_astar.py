@@ -14,6 +14,7 @@ from omnidrive.planning.search.astar import (
     LENGTH_SHIFT,
     ROWS,
     STEPS,
+    Progress,
     reconstruct_path,
 )
 from omnidrive.planning.search.bit_ops import int64
@@ -27,7 +28,7 @@ from omnidrive.planning.search.bucket_queue import (
     pop,
     push,
 )
-from omnidrive.planning.search.heuristics import DIAGONAL, Heuristic, cost_to_go
+from omnidrive.planning.search.heuristics import DIAGONAL, STRAIGHT, Heuristic, cost_to_go
 from omnidrive.planning.search.moves import MOVES, START_MOVE, neighbourhood
 
 UNIT = 256
@@ -37,6 +38,8 @@ DIRECTIONS = 64
 _BUCKET_SHIFT = 25
 """Number of low bits of a cost that one bucket spans: about 0.14 cells without costs."""
 _CAPACITY = 1 << 12
+_MOVE_OF = np.zeros((3, 3), np.int64)
+_MOVE_OF[ROWS + 1, COLS + 1] = np.arange(len(MOVES))
 
 
 def cost_astar(  # noqa: PLR0917
@@ -65,14 +68,85 @@ def cost_astar(  # noqa: PLR0917
         allowed: Allowed moves by neighbourhood.
         heuristic: Estimate of the remaining length.
     """
-    words = empty_tiles(bitgrid, wide=True)
-    largest = 2 * (int(weights.max()) + (against if lanes.any() else 0))
-    queue = bucket_queue(DIAGONAL * (largest + 2 * UNIT) >> _BUCKET_SHIFT, _CAPACITY)
-    cost, expansions = _explore(
-        bitgrid.bits, bitgrid.stride, weights, lanes, lane_weights(against), start, goal, allowed,
-        heuristic, words, *queue,
-    )  # fmt: skip
-    return reconstruct_path(words, bitgrid.stride, start, goal), cost, expansions
+    run = CostAStar(bitgrid, weights, lanes, against, start, goal, allowed, heuristic)
+    run.explore()
+    return run.path(), run.progress.best, run.progress.expansions
+
+
+class CostAStar:
+    """Search of :func:`cost_astar` that can be interrupted, and continues where it was.
+
+    Args: as for :func:`cost_astar`, and ``largest``, the greatest weight of a cell with its lane;
+    None: it is computed.
+    """
+
+    def __init__(  # noqa: PLR0917
+        self,
+        bitgrid: BitGrid,
+        weights: UInt16[Array, "rows cols"],
+        lanes: UInt8[Array, "rows cols"],
+        against: int,
+        start: int,
+        goal: int,
+        allowed: UInt8[Array, " neighbourhoods"],
+        heuristic: Heuristic,
+        largest: int | None = None,
+    ) -> None:
+        if largest is None:
+            largest = largest_weight(weights, lanes, against)
+        self._ends, self._stride, self._heuristic = (start, goal), bitgrid.stride, heuristic
+        self._words = empty_tiles(bitgrid, wide=True)
+        buckets = DIAGONAL * 2 * (largest + UNIT) >> _BUCKET_SHIFT
+        self._queue, self._ring = bucket_queue(buckets, _CAPACITY, start)
+        self._words[tile_index(bitgrid.stride, *divmod(start, bitgrid.stride))] = START_MOVE
+        self._problem = (
+            bitgrid.bits, bitgrid.stride, weights, lanes, lane_weights(against), self._ends,
+            allowed, heuristic, self._words,
+        )  # fmt: skip
+        self.progress = Progress.of(self._ends)
+
+    def explore(self, most: int = INFINITE) -> bool:
+        """Expand up to ``most`` cells; return whether the search has ended."""
+        self._queue, self.progress = _explore(
+            *self._problem, self._queue, self._ring, self.progress.until(most)
+        )
+        return self.progress.waiting == 0
+
+    def path(self) -> Int32[Array, " cells"]:
+        """Return the cells of the best path so far, empty if there is none."""
+        return reconstruct_path(self._words, self._stride, *self._ends)
+
+    @property
+    def lower_bound(self) -> float:
+        """Cost that no path falls below, in cell widths, if the heuristic is consistent."""
+        (row, col), (goal_row, goal_col) = (divmod(end, self._stride) for end in self._ends)
+        estimate = _to_go(self._heuristic, row - goal_row, col - goal_col)
+        level = self.progress.bucket << _BUCKET_SHIFT
+        return (estimate + level) / (2.0 * UNIT * STRAIGHT)
+
+
+def largest_weight(
+    weights: UInt16[Array, "rows cols"], lanes: UInt8[Array, "rows cols"], against: int
+) -> int:
+    """Return the greatest weight of a cell with its lane."""
+    return int(weights.max()) + (against if lanes.any() else 0)
+
+
+def path_cost(
+    weights: UInt16[Array, "rows cols"],
+    lanes: UInt8[Array, "rows cols"],
+    against: int,
+    stride: int,
+    indices: Int32[Array, " cells"],
+) -> int:
+    """Return the cost of a path over neighbouring cells, given by their bit indices."""
+    rows, cols = indices // stride - 1, indices % stride - MARGIN
+    down, right = np.diff(rows), np.diff(cols)
+    moves = _MOVE_OF[down + 1, right + 1]
+    added, lane = lane_weights(against), lanes[rows, cols]
+    weight = weights[rows, cols].astype(np.int64)
+    factors = weight[:-1] + weight[1:] + added[lane[:-1], moves] + added[lane[1:], moves]
+    return int((STEPS[moves] * factors).sum())
 
 
 def lane_weights(against: int) -> Int64[Array, "lanes moves"]:
@@ -90,24 +164,24 @@ def _explore(  # noqa: PLR0917
     weights: UInt16[Array, "rows cols"],
     lanes: UInt8[Array, "rows cols"],
     added: Int64[Array, "lanes moves"],
-    start: int,
-    goal: int,
+    ends: tuple[int, int],
     allowed: UInt8[Array, " neighbourhoods"],
     heuristic: Heuristic,
     words: Tiles,
     queue: Int32[Array, " size"],
     ring: int,
-) -> tuple[int, int]:
-    """Fill ``words``; return the least cost and the number of expansions."""
+    progress: Progress,
+) -> tuple[Int32[Array, " more"], Progress]:
+    """Fill ``words``; return queue and progress at the interruption or the end."""
+    start, goal = ends
     goal_row, goal_col, row, col = goal // stride, goal % stride, start // stride, start % stride
     start_estimate = _to_go(heuristic, row - goal_row, col - goal_col)
-    words[tile_index(stride, row, col)] = START_MOVE
-    push(queue, ring, 0, start)
-    best, bucket, waiting, expansions = 0 if start == goal else INFINITE, 0, 1, 0
-    while waiting > 0:
+    best, bucket, waiting, expansions, _, last = progress
+    while waiting > 0 and expansions < last:
         while is_empty(queue, ring, bucket):
             bucket += 1
         if start_estimate + (bucket << _BUCKET_SHIFT) >= best:
+            waiting = 0
             break
         cell, waiting = pop(queue, ring, bucket), waiting - 1
         row, col = cell // stride, cell % stride
@@ -141,7 +215,7 @@ def _explore(  # noqa: PLR0917
             waiting += 1
             level = (estimate - start_estimate) >> _BUCKET_SHIFT
             push(queue, ring, max(bucket, level), down * stride + right)
-    return best, expansions
+    return queue, Progress(best, bucket, waiting, expansions, 0, last)
 
 
 @inlined

@@ -18,9 +18,18 @@ from omnidrive.maps import CostMap, OccupancyGrid
 from omnidrive.parameter import check_choice
 from omnidrive.planning.search.astar import astar
 from omnidrive.planning.search.bitgrid import BitGrid, Cell
-from omnidrive.planning.search.cost_astar import DIRECTIONS, UNIT, cost_astar
+from omnidrive.planning.search.cost_astar import (
+    DIRECTIONS,
+    UNIT,
+    cost_astar,
+    largest_weight,
+)
 from omnidrive.planning.search.greedy import greedy
-from omnidrive.planning.search.heuristics import HEURISTICS, STRAIGHT, Heuristic
+from omnidrive.planning.search.heuristics import (
+    HEURISTICS,
+    STRAIGHT,
+    Heuristic,
+)
 from omnidrive.planning.search.jump_grid import JumpGrid
 from omnidrive.planning.search.jump_point import jump_point
 from omnidrive.planning.search.lazy_theta import lazy_theta
@@ -157,9 +166,33 @@ class GridSearch:
         cost = path_length(cells) if found.cost is None else found.cost
         return SearchResult(cells, cost, found.expansions, perf_counter() - began)
 
+    def prepare(self) -> None:
+        """Compute what depends on the grid only, for :func:`search_within`, and load kernels."""
+        if self.has_costs:
+            _load(_cost_astar)
+            _ = self._weights, self._lanes, self._largest_weight
+        _load(_astar)
+        _load(_jump_point)
+        _ = self._bitgrid if self.cut_corners else self._jump_grid
+
+    @property
+    def has_costs(self) -> bool:
+        """Whether a cell costs more than its length."""
+        return self.costs is not None and not self.costs.is_plain
+
+    @property
+    def _against(self) -> int:
+        """Weight that is added where a move is opposite to the lane."""
+        assert self.costs is not None
+        return round(UNIT * self.costs.against)
+
+    @cached_property
+    def _largest_weight(self) -> int:
+        return largest_weight(self._weights, self._lanes, self._against)
+
     def _method(self, name: str) -> Method:
         """Return a method, that with costs if there are any."""
-        if self.costs is None or self.costs.is_plain:
+        if not self.has_costs:
             return _METHODS[name]
         if name != "astar":
             raise InvalidInput(f"{name} does not support costs; use astar")
@@ -254,11 +287,9 @@ Method = Callable[[GridSearch, int, int, Heuristic], tuple]
 def _cost_astar(
     searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic
 ) -> SearchOutput:
-    assert searcher.costs is not None
     indices, cost, expansions = cost_astar(
-        searcher._bitgrid, searcher._weights, searcher._lanes,
-        round(UNIT * searcher.costs.against), start_index, goal_index,
-        searcher._move_table[START_MOVE], heuristic,
+        searcher._bitgrid, searcher._weights, searcher._lanes, searcher._against, start_index,
+        goal_index, searcher._move_table[START_MOVE], heuristic,
     )  # fmt: skip
     return SearchOutput(indices, expansions, cost / (2.0 * UNIT * STRAIGHT))
 

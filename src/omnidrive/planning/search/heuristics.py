@@ -44,6 +44,12 @@ HEURISTICS: dict[str, Heuristic] = {
 }
 
 
+def weighted(name: str, weight: float) -> Heuristic:
+    """Return a heuristic times a weight."""
+    greater, lesser, is_euclidean = HEURISTICS[name]
+    return Heuristic(round(weight * greater), round(weight * lesser), is_euclidean)
+
+
 @inlined
 def cost_to_go(heuristic: Heuristic, rows: int, cols: int) -> int:
     """Estimate the length over ``rows`` and ``cols`` cells, in the units of :data:`STRAIGHT`."""

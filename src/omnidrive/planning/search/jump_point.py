@@ -7,7 +7,7 @@ from jaxtyping import Int32, Shaped, UInt8
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
-from omnidrive.planning.search.astar import BUCKET_SHIFT, INFINITE
+from omnidrive.planning.search.astar import BUCKET_SHIFT, INFINITE, Progress
 from omnidrive.planning.search.bit_ops import int64, uint32
 from omnidrive.planning.search.bitgrid import BitGrid
 from omnidrive.planning.search.bucket_queue import (
@@ -56,14 +56,57 @@ def jump_point(  # noqa: PLR0917
         move_table: Pruned moves among eight neighbours without cutting corners.
         heuristic: Estimate of the remaining length.
     """
-    short, long = sorted(bitgrid.shape)
-    found = np.empty(4 * (2 * short + 2), JUMP)  # enough for the successors of one cell
-    longest = 5 * (DIAGONAL * short + STRAIGHT * long) // 2  # a jump and the rise of the heuristic
-    nodes, goal_node, expansions = _explore(
-        jump_grid, bitgrid.bits, bitgrid.stride, start, goal, move_table, heuristic, found,
-        *bucket_queue(longest >> BUCKET_SHIFT, _CAPACITY),
-    )  # fmt: skip
-    return _reconstruct_path(nodes, bitgrid.stride, goal_node), expansions
+    run = JumpPointSearch(bitgrid, jump_grid, start, goal, move_table, heuristic)
+    run.explore()
+    return run.path(), run.progress.expansions
+
+
+class JumpPointSearch:
+    """Search of :func:`jump_point` that can be interrupted, and continues where it was.
+
+    Args: as for :func:`jump_point`.
+    """
+
+    def __init__(  # noqa: PLR0917
+        self,
+        bitgrid: BitGrid,
+        jump_grid: JumpGrid,
+        start: int,
+        goal: int,
+        move_table: UInt8[Array, "10 512"],
+        heuristic: Heuristic,
+    ) -> None:
+        short, long = sorted(bitgrid.shape)
+        found = np.empty(4 * (2 * short + 2), JUMP)  # enough for the successors of one cell
+        # a jump and the rise of the heuristic
+        longest = 5 * (DIAGONAL * short + STRAIGHT * long) // 2
+        queue, self._ring = bucket_queue(longest >> BUCKET_SHIFT, _CAPACITY, 1)
+        self._problem = (
+            jump_grid, bitgrid.bits, bitgrid.stride, (start, goal), move_table, heuristic, found,
+        )  # fmt: skip
+        nodes = _create_nodes(start)
+        self._memory = nodes, _table(nodes, 2), queue
+        self._counts = 2, 1 if start == goal else 0
+        self.progress = Progress.of((start, goal))
+        self._stride, self._ends, self._heuristic = bitgrid.stride, (start, goal), heuristic
+
+    def explore(self, most: int = INFINITE) -> bool:
+        """Expand up to ``most`` jump points; return whether the search has ended."""
+        self._memory, self._counts, self.progress = _explore(
+            *self._problem, *self._memory, self._ring, self._counts, self.progress.until(most)
+        )
+        return self.progress.waiting == 0
+
+    def path(self) -> Int32[Array, " cells"]:
+        """Return the cells of the best path so far, empty if there is none."""
+        return _reconstruct_path(self._memory[0], self._stride, self._counts[1])
+
+    @property
+    def lower_bound(self) -> float:
+        """Length that no path falls below, in cell widths, if the heuristic is consistent."""
+        start, goal = self._ends
+        estimate = _cost_to_go(self._heuristic, self._stride, start, divmod(goal, self._stride))
+        return (estimate + (self.progress.bucket << BUCKET_SHIFT)) / STRAIGHT
 
 
 @compiled
@@ -71,25 +114,26 @@ def _explore(  # noqa: PLR0917
     jump_grid: JumpGrid,
     bits: UInt8[Array, " bytes"],
     stride: int,
-    start: int,
-    goal: int,
+    ends: tuple[int, int],
     move_table: UInt8[Array, "10 512"],
     heuristic: Heuristic,
     found: Shaped[Array, " most"],
+    nodes: Shaped[Array, " nodes"],
+    table: Int32[Array, " slots"],
     queue: Int32[Array, " size"],
     ring: int,
-) -> tuple[Shaped[Array, " nodes"], int, int]:
-    """Return the nodes, the index of the goal's node (0: no path) and the number of expansions."""
-    goal_cell = goal // stride, goal % stride
-    start_estimate = _cost_to_go(heuristic, stride, start, goal_cell)
-    nodes = _create_nodes(start)
-    table, count, goal_node = _table(nodes, 2), 2, 1 if start == goal else 0
-    push(queue, ring, 0, 1)
-    best, bucket, waiting, expansions = 0 if goal_node else INFINITE, 0, 1, 0
-    while waiting > 0:
+    counts: tuple[int, int],
+    progress: Progress,
+) -> tuple[tuple, tuple[int, int], Progress]:
+    """Return nodes, table and queue; the numbers of nodes and of the goal's node; the progress."""
+    goal, goal_cell = ends[1], (ends[1] // stride, ends[1] % stride)
+    start_estimate = _cost_to_go(heuristic, stride, ends[0], goal_cell)
+    (best, bucket, waiting, expansions, _, last), (count, goal_node) = progress, counts
+    while waiting > 0 and expansions < last:
         while is_empty(queue, ring, bucket):
             bucket += 1
         if start_estimate + (bucket << BUCKET_SHIFT) >= best:
+            waiting = 0
             break
         node = pop(queue, ring, bucket)
         waiting -= 1
@@ -124,7 +168,8 @@ def _explore(  # noqa: PLR0917
                 best, goal_node = length, known
             push(queue, ring, max(bucket, (estimate - start_estimate) >> BUCKET_SHIFT), known)
             waiting += 1
-    return nodes, goal_node, expansions
+    progress = Progress(best, bucket, waiting, expansions, 0, last)
+    return (nodes, table, queue), (count, goal_node), progress
 
 
 @inlined

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -31,19 +32,22 @@ class InitialSpline(NamedTuple):
 
 
 def certified_initial_spline(
-    obstacles: Obstacles, polygon: Float[Array, "points 2"], clearance: float
-) -> InitialSpline:
+    obstacles: Obstacles,
+    polygon: Float[Array, "points 2"],
+    clearance: float,
+    is_over: Callable[[], bool] | None = None,
+) -> InitialSpline | None:
     """Return a spline along a polygon in short steps with the required or attainable clearance.
 
     Every piece keeps ``clearance`` (cells) or, if that is less, four fifths of the clearance of the
     polygon along it. Where the spline through all points violates this, the control point at a
     corner is replaced by three: the corner and a neighbour on each adjacent edge. The neighbours
     approach the corner until, in the limit of three coincident points, the spline follows the
-    polygon.
+    polygon. None if ``is_over`` before.
     """
     edges = chord_clearances(obstacles, polygon, clearance / _CLEARANCE_FRACTION)
     corners, levels = _corners(polygon), np.zeros(len(polygon), int)
-    while True:
+    while is_over is None or not is_over():
         control_points, vertices = along(polygon, levels)
         curve = pieces(control_points)
         clearances = piece_clearances(
@@ -59,6 +63,7 @@ def certified_initial_spline(
         if len(closer) == 0:
             return InitialSpline(control_points, clearances)
         levels[closer] += 1
+    return None
 
 
 def _corners(polygon: Float[Array, "points 2"]) -> Bool[Array, " points"]:

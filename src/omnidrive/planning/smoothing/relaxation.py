@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ _STRIDES = (16, 8, 4, 2, 1)  # distances between the centres of consecutive move
 _CYCLES = 10  # over all strides; more cycles hardly lower the curvature
 _SMALLEST = 1e-4  # cells; shorter moves are skipped
 _STEP_FRACTIONS = (1.0, 0.35, 0.12)  # of the best step, tried in turn
+_PART = 12 * _STRIDES[0]  # control points between two looks at the clock
 _SAMPLES = 4  # points of a piece at which its cost is evaluated
 _AROUND = 8  # pieces on both sides over which the costs of the initial spline are averaged
 COST_TOLERANCE = (0.15, 0.05)
@@ -40,8 +42,11 @@ class _Spline(NamedTuple):
 
 
 def relax(
-    obstacles: Obstacles, start: InitialSpline, costs: Float32[Array, "rows cols"]
-) -> Float[Array, "points 2"]:
+    obstacles: Obstacles,
+    start: InitialSpline,
+    costs: Float32[Array, "rows cols"],
+    is_over: Callable[[], bool] | None = None,
+) -> tuple[Float[Array, "points 2"], bool]:
     """Return the control points (cells) of a smoother spline with the clearances of ``start``.
 
     Coordinate descent on the sum of the squared second derivatives at the knots: each move shifts a
@@ -53,6 +58,9 @@ def relax(
     With ``costs`` a move is also rejected if it raises the mean cost of a piece above that of the
     initial spline around it by more than :data:`COST_TOLERANCE`: the path keeps to the cells of low
     cost that the search has chosen.
+
+    Returns the control points, and whether the relaxation ended before ``is_over``, which is called
+    every few hundred moves: the spline is certified after each.
     """
     count = len(start.control_points)
     spline = _Spline(
@@ -72,10 +80,17 @@ def relax(
     for cycle in range(_CYCLES):
         accepted = 0
         for stride in strides:
-            accepted += _sweep(spline, obstacles, move_weights[stride], stride, cycle % 2 == 1)
+            part = count - 2 if is_over is None else _PART
+            for first in range(1, count - 1, part):
+                if is_over is not None and is_over():
+                    return spline.control_points, False
+                accepted += _sweep(
+                    spline, obstacles, move_weights[stride], stride, cycle % 2 == 1,
+                    first, min(first + part, count - 1),
+                )  # fmt: skip
         if accepted == 0:
             break
-    return spline.control_points
+    return spline.control_points, True
 
 
 def move_weights_of(stride: int) -> Float[Array, " window"]:
@@ -87,17 +102,22 @@ def move_weights_of(stride: int) -> Float[Array, " window"]:
 
 
 @compiled
-def _sweep(
+def _sweep(  # noqa: PLR0917
     spline: _Spline,
     obstacles: Obstacles,
     move_weights: Float[Array, " window"],
     stride: int,
     backward: bool,
+    first: int,
+    end: int,
 ) -> int:
-    """Try a move about every ``stride``-th inner control point; return how many were accepted."""
+    """Try a move about every ``stride``-th inner control point; return how many were accepted.
+
+    The control points are those from ``first`` to before ``end``, backward counted from the last.
+    """
     last = len(spline.control_points) - 1
     accepted = 0
-    for k in range(1, last, stride):
+    for k in range(first, end, stride):
         if _move(spline, obstacles, move_weights, last - k if backward else k):
             accepted += 1
     return accepted

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -18,6 +20,7 @@ from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import SplinePath
 from omnidrive.planning.pieces import pieces
 from omnidrive.planning.polyline import resample
+from omnidrive.planning.smoothing.grid_path_spline import along_grid_path
 from omnidrive.planning.smoothing.initial_spline import certified_initial_spline
 from omnidrive.planning.smoothing.polygon import free_polygon
 from omnidrive.planning.smoothing.relaxation import relax
@@ -36,10 +39,12 @@ class SmoothedPath:
         path: The path.
         clearance: Proved lower bound on the distance in m from the path to all occupied cells. If
             the path may enter one, it is negative: minus the greatest possible depth.
+        is_complete: Whether the smoothing ended before its time was over.
     """
 
     path: SplinePath
     clearance: float
+    is_complete: bool = True
 
 
 def smooth(
@@ -51,6 +56,8 @@ def smooth(
     yaws: tuple[float | None, float | None] = (None, None),
     turn_within: float = 1.0,
     costs: Float32[Array, "rows cols"] = NO_COSTS,
+    obstacles: Obstacles | None = None,
+    is_over: Callable[[], bool] | None = None,
 ) -> SmoothedPath:
     """Smooth a grid path; the first and last point are kept.
 
@@ -73,6 +80,9 @@ def smooth(
             to the direction of the path, in m.
         costs: Cost of each cell of ``grid``: a certified path keeps to cells whose mean cost is at
             most that along the grid path plus 15 percent of ``1 + cost`` and 0.05. Empty: no costs.
+        obstacles: The occupied cells of ``grid``, if they are known.
+        is_over: Whether the time for the smoothing is over. A certified path is then that of the
+            moves so far or, before the first one, a spline along the grid path.
 
     Raises:
         InvalidInput: The method is unknown, there is no point, a point is not finite, the polygon
@@ -86,46 +96,63 @@ def smooth(
         )
     if not (np.isfinite(clearance) and clearance >= 0.0):
         raise InvalidInput(f"the clearance must be 0 m or more, got {clearance:g} m")
-    control_points, proved = _METHODS[method](grid, points, clearance, costs)
+    problem = _Problem(grid, points, clearance, costs, obstacles or Obstacles.of(grid), is_over)
+    control_points, proved, is_complete = _METHODS[method](problem)
     path = SplinePath(with_headings(control_points, *yaws, turn_within))
-    return SmoothedPath(path, path.clearance(grid)[0] if proved is None else proved)
+    proved = path.clearance(grid)[0] if proved is None else proved
+    return SmoothedPath(path, proved, is_complete)
 
 
-def _plain(
-    grid: OccupancyGrid,
-    points: Float[Array, "points 2"],
-    clearance: float,
-    costs: Float32[Array, "rows cols"],
-) -> tuple[Float[Array, "more 2"], None]:
+class _Problem(NamedTuple):
+    """Arguments of :func:`smooth` that the methods need."""
+
+    grid: OccupancyGrid
+    points: Float[Array, "points 2"]
+    clearance: float
+    costs: Float32[Array, "rows cols"]
+    obstacles: Obstacles
+    is_over: Callable[[], bool] | None
+
+
+_Smoothed = tuple[Float[Array, "more 2"], float | None, bool]
+"""Control points, proved clearance in m, and whether the smoothing ended in time."""
+
+
+def _plain(problem: _Problem) -> _Smoothed:
     """Return the points as control points, resampled to four if fewer, without a proof."""
-    return points if len(points) >= 4 else resample(points, 4), None
+    points = problem.points
+    return points if len(points) >= 4 else resample(points, 4), None, True
 
 
-def _certified(
-    grid: OccupancyGrid,
-    points: Float[Array, "points 2"],
-    clearance: float,
-    costs: Float32[Array, "rows cols"],
-) -> tuple[Float[Array, "more 2"], float]:
+def _certified(problem: _Problem) -> _Smoothed:
     """Return the control points of a relaxed spline, and its proved clearance in m."""
-    frame, obstacles = GridFrame.of(grid), Obstacles.of(grid)
+    grid, points, clearance, costs, obstacles, is_over = problem
+    frame = GridFrame.of(grid)
     if not np.ptp(points, axis=0).any():  # the robot turns on the spot
-        return np.repeat(points[:1], 4, axis=0), float(grid.clearance(points[:1])[0])
+        return np.repeat(points[:1], 4, axis=0), float(grid.clearance(points[:1])[0]), True
+    if is_over is not None and is_over():
+        return along_grid_path(obstacles, frame, points)
     # rounded, so that the result does not depend on the pose of the grid in W
     polygon = free_polygon(obstacles, frame.cells(points).round(_DIGITS), frame)
+    if is_over is not None and is_over():
+        return along_grid_path(obstacles, frame, points)
     start = certified_initial_spline(
-        obstacles, polygon, max(clearance / frame.resolution, _MIN_CLEARANCE)
+        obstacles, polygon, max(clearance / frame.resolution, _MIN_CLEARANCE), is_over
     )
-    cells = relax(obstacles, start, costs)
+    if start is None:
+        return along_grid_path(obstacles, frame, points)
+    cells, is_complete = relax(obstacles, start, costs, is_over)
     curve = pieces(cells)
     # the clearance proved during the relaxation, or that of the final curve if greater
-    proved = max(
-        float(start.clearances.min()),
-        curve_clearance(obstacles, curve.positions, curve.second_derivatives, _TOLERANCE)[0],
-    )
+    proved = float(start.clearances.min())
+    is_complete = is_complete and (is_over is None or not is_over())
+    if is_complete:
+        clearances = curve.positions, curve.second_derivatives, _TOLERANCE
+        proved = max(proved, curve_clearance(obstacles, *clearances)[0])
     control_points = frame.world(cells)
     control_points[0], control_points[-1] = points[0], points[-1]
-    return control_points, max(proved - frame.rounding, min(proved, 0.0)) * frame.resolution
+    proved = max(proved - frame.rounding, min(proved, 0.0)) * frame.resolution
+    return control_points, proved, is_complete
 
 
 _METHODS = {"spline": _plain, "certified": _certified}
