@@ -44,6 +44,7 @@ from omnidrive.maps import (
 )
 from omnidrive.planning import Path as PosePath
 from omnidrive.reference.sampled_reference import SampledReference
+from omnidrive.reference.waypoint_motion import load_motion_problem
 from omnidrive.reference.waypoint_reference import waypoint_reference
 from omnidrive.reference.waypoints import save_waypoints
 from omnidrive.robot import load_robot, named_robot, save_robot
@@ -231,7 +232,15 @@ def _waypoints(folder):
 
     kinds = {".csv": (path, reference), ".path": (path,), ".traj": (reference,),
              ".yaml": (path, reference)}  # fmt: skip
-    return {
+    problems = {
+        f"problem {suffix}": Reader(
+            f"p{suffix}",
+            (_written(folder / f"p{suffix}", lambda p, motion=motion: save_waypoints(p, motion)),),
+            load_motion_problem,
+        )
+        for suffix, motion in ((".traj", reference), (".path", path))
+    }
+    return problems | {
         f"waypoints {suffix}": Reader(
             f"w{suffix}",
             tuple(

@@ -39,10 +39,12 @@ from omnidrive.reference.uniform_reference import (
 )
 from omnidrive.reference.waypoint_motion import (
     Disc,
+    MotionProblem,
     MotionWaypoint,
     Polygon,
     Section,
     WaypointMotion,
+    load_motion_problem,
     minimum_time_through,
 )
 from omnidrive.reference.waypoint_reference import spline_along, waypoint_reference
@@ -59,6 +61,7 @@ __all__ = [
     "LimitRows",
     "MinimumTime",
     "MotionLimits",
+    "MotionProblem",
     "MotionWaypoint",
     "Polygon",
     "RaisedCosine",
@@ -80,6 +83,7 @@ __all__ = [
     "delay_within_limits",
     "limit_rows",
     "limit_usage",
+    "load_motion_problem",
     "load_waypoints",
     "minimum_time",
     "minimum_time_through",

@@ -4,14 +4,20 @@ from omnidrive.reference.waypoint_motion.minimum_time_through import (
     WaypointMotion,
     minimum_time_through,
 )
+from omnidrive.reference.waypoint_motion.motion_problem import (
+    MotionProblem,
+    load_motion_problem,
+)
 from omnidrive.reference.waypoint_motion.regions import Disc, Polygon
 from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
 
 __all__ = [
     "Disc",
+    "MotionProblem",
     "MotionWaypoint",
     "Polygon",
     "Section",
     "WaypointMotion",
+    "load_motion_problem",
     "minimum_time_through",
 ]

@@ -61,14 +61,14 @@ def read_pathplanner(file: pathlib.Path) -> Path:
         InvalidReference: The file is not a valid path; the message gives the position.
     """
     root = read_json(file)
-    controls = _controls(root)
+    controls = curves_of(root)
     spacing = _spacing(float(np.linalg.norm(np.diff(controls, axis=1), axis=2).sum()))
     counts = step_counts(controls, _READ_TOLERANCE, spacing)
     if sum(counts) > MAX_SAMPLES:
         raise root["waypoints"].error(
             f"need {sum(counts):,} samples, more than {MAX_SAMPLES:,}; are they in m?"
         )
-    targets = _rotation_targets(root, len(controls))
+    targets = rotation_targets(root, len(controls))
     even = [i + np.arange(n) / n for i, n in enumerate(counts)]
     parameters = np.unique(np.concatenate([*even, [float(len(controls))], list(targets)]))
     points = chain_points(controls, parameters)
@@ -105,7 +105,8 @@ def write_pathplanner(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) 
     write_text(file, json.dumps(_document(chain, poses[:, 2], speeds), indent=2) + "\n")
 
 
-def _controls(root: Field) -> Float[Array, "curves 4 2"]:
+def curves_of(root: Field) -> Float[Array, "curves 4 2"]:
+    """Return the Bezier points of the curves of a path, in m."""
     waypoints = root["waypoints"].items()
     if len(waypoints) < 2:
         raise root["waypoints"].error(f"has {len(waypoints)} entries, need at least 2")
@@ -119,7 +120,7 @@ def _controls(root: Field) -> Float[Array, "curves 4 2"]:
     return np.array(curves)
 
 
-def _rotation_targets(root: Field, curves: int) -> dict[float, float]:
+def rotation_targets(root: Field, curves: int) -> dict[float, float]:
     """Return headings, in rad, by path parameter; both ends are always included."""
     end = radians(root["goalEndState"]["rotation"].number())
     inner: dict[float, float] = {}

@@ -1,0 +1,83 @@
+"""Waypoints and constraints of a PathPlanner path (`.path`).
+
+Zones and rotation targets between waypoints become waypoints with a free position on the curve.
+Source: PathPlannerLib, `path_constraints.dart`, `constraints_zone.dart`, `point_towards_zone.dart`.
+"""
+
+from __future__ import annotations
+
+from math import inf, radians
+
+import numpy as np
+
+from omnidrive.geometry import wrap
+from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoints.bezier_chain import chain_points
+from omnidrive.reference.waypoints.field import Field
+from omnidrive.reference.waypoints.pathplanner import curves_of, rotation_targets
+
+
+def pathplanner_problem(root: Field) -> tuple[list[MotionWaypoint], list[Section]]:
+    """Return waypoints and sections of a path.
+
+    Raises:
+        InvalidReference: The file is not a valid path.
+    """
+    curves = curves_of(root)
+    count = len(curves)
+    targets = rotation_targets(root, count)
+    limits = [(_range(zone, count), zone["constraints"]) for zone in _list(root, "constraintZones")]
+    aims = [(_range(zone, count), zone) for zone in _list(root, "pointTowardsZones")]
+    aims = [(bounds, zone) for bounds, zone in aims if bounds[1] > bounds[0]]
+    at = {*map(float, range(count + 1)), *targets}
+    at.update(value for bounds, _ in [*limits, *aims] for value in bounds)
+    places = sorted(at)
+    points = chain_points(curves, np.array(places))
+    waypoints = []
+    for place, (x, y) in zip(places, points.tolist(), strict=True):
+        inside = any(low <= place <= high for (low, high), _ in aims)
+        yaw = None if inside else targets.get(place)
+        yaw = None if yaw is None else wrap(yaw)
+        waypoints.append(MotionWaypoint(x, y, yaw, fixed=place.is_integer()))
+    sections = []
+    everywhere = root.get("globalConstraints")
+    if everywhere is not None:
+        limits.insert(0, ((0.0, float(count)), everywhere))
+    for (low, high), given in limits:
+        unlimited = given.get("unlimited")
+        if unlimited is None or unlimited.value is not True:
+            sections.append(
+                Section(
+                    places.index(low),
+                    places.index(high),
+                    max_speed=_limit(given, "maxVelocity"),
+                    max_acceleration=_limit(given, "maxAcceleration"),
+                    max_yaw_rate=radians(_limit(given, "maxAngularVelocity")),
+                    max_yaw_acceleration=radians(_limit(given, "maxAngularAcceleration")),
+                )
+            )
+    for (low, high), zone in aims:
+        target, offset = zone["fieldPosition"], zone.get("rotationOffset")
+        turn = 0.0 if offset is None else radians(offset.number())
+        point = (target["x"].number(), target["y"].number())
+        first, last = places.index(low), places.index(high)
+        sections.append(Section(first, last, point_at=point, point_offset=turn))
+    return waypoints, sections
+
+
+def _limit(limits: Field, key: str) -> float:
+    found = limits.get(key)
+    return inf if found is None else found.number()
+
+
+def _list(root: Field, key: str) -> list[Field]:
+    found = root.get(key)
+    return [] if found is None else found.items()
+
+
+def _range(zone: Field, curves: int) -> tuple[float, float]:
+    """Return the path parameters of a zone."""
+    low, high = (zone[f"{name}WaypointRelativePos"].number() for name in ("min", "max"))
+    if low > high:
+        raise zone.error(f"starts at {low:g}, after its end, {high:g}")
+    return min(max(low, 0.0), float(curves)), min(max(high, 0.0), float(curves))

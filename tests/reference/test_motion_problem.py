@@ -1,0 +1,132 @@
+"""Waypoints and constraints of Choreo and PathPlanner files."""
+
+import json
+from math import inf, pi, radians
+
+import pytest
+
+from omnidrive.errors import InvalidReference
+from omnidrive.reference import Disc, MotionWaypoint, Polygon, Section, load_motion_problem
+
+
+def expression(value):
+    return {"exp": f"{value} m", "val": value}
+
+
+def choreo(*constraints):
+    waypoints = [
+        {"x": expression(x), "y": expression(0.5), "heading": expression(0.1), "intervals": 9,
+         "split": False, "fixTranslation": True, "fixHeading": k != 1, "overrideIntervals": False}
+        for k, x in enumerate((0.0, 1.0, 2.0))
+    ]  # fmt: skip
+    return {"name": "a", "version": 3, "params": {
+        "waypoints": waypoints, "constraints": list(constraints), "targetDt": expression(0.05),
+    }}  # fmt: skip
+
+
+def constraint(kind, start, to=None, *, enabled=True, **props):
+    values = {k: v if isinstance(v, bool) else expression(v) for k, v in props.items()}
+    return {"from": start, "to": to, "data": {"type": kind, "props": values}, "enabled": enabled}
+
+
+def load(folder, name, content):
+    file = folder / name
+    file.write_text(json.dumps(content))
+    return load_motion_problem(file)
+
+
+def test_choreo(tmp_path):
+    problem = load(
+        tmp_path,
+        "a.traj",
+        choreo(
+            constraint("StopPoint", 1),
+            constraint("MaxVelocity", "first", "last", max=2.0),
+            constraint("MaxAcceleration", 2, 1, max=3.0),
+            constraint("MaxAngularVelocity", 1, max=1.0),
+            constraint("MaxVelocity", 1, enabled=False, max=0.0),
+            constraint("KeepInCircle", 0, 1, x=1.0, y=2.0, r=3.0),
+            constraint("KeepOutCircle", 0, "last", x=1.0, y=2.0, r=0.5),
+            constraint("KeepInRectangle", 0, "last", x=-1.0, y=-1.0, w=4.0, h=3.0),
+            constraint("KeepInLane", 0, 1, tolerance=0.1),
+            constraint("PointAt", 1, "last", x=5.0, y=6.0, tolerance=0.0, flip=True),
+        ),
+    )
+    assert problem.waypoints[1] == MotionWaypoint(1.0, 0.5, None, stop=True)
+    assert problem.waypoints[2] == MotionWaypoint(2.0, 0.5, 0.1)
+    rectangle = Polygon(((-1.0, -1.0), (3.0, -1.0), (3.0, 2.0), (-1.0, 2.0)))
+    assert problem.sections == (
+        Section(0, 2, max_speed=2.0),
+        Section(1, 2, max_acceleration=3.0),
+        Section(1, 1, max_yaw_rate=1.0),
+        Section(0, 1, keep_in=(Disc(1.0, 2.0, 3.0),)),
+        Section(0, 2, keep_out=(Disc(1.0, 2.0, 0.5),)),
+        Section(0, 2, keep_in=(rectangle,)),
+        Section(0, 1, lane=0.1),
+        Section(1, 2, point_at=(5.0, 6.0), point_tolerance=0.01, point_offset=pi),
+    )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        (constraint("KeepOutStar", 0), "'KeepOutStar', which is not a known constraint"),
+        (constraint("MaxVelocity", 7, max=1.0), r"constraints\[0\].from is 7, and there are 3"),
+        (constraint("MaxVelocity", "middle", max=1.0), r"constraints\[0\].from is 'middle'"),
+        (constraint("KeepOutCircle", 0, x=0.0, y=0.0, r=-1.0), "positive radius"),
+    ],
+)
+def test_refuses_constraints(tmp_path, wrong, text):
+    with pytest.raises(InvalidReference, match=text):
+        load(tmp_path, "a.traj", choreo(wrong))
+
+
+def test_refuses_other_files(tmp_path):
+    with pytest.raises(InvalidReference, match="has no constraints"):
+        load(tmp_path, "a.csv", {})
+    with pytest.raises(InvalidReference, match="no key 'params'"):
+        load(tmp_path, "a.traj", {"samples": []})
+
+
+def test_pathplanner(tmp_path):
+    def point(x):
+        return {"x": x, "y": 0.0}
+
+    limits = {
+        "maxVelocity": 1.0,
+        "maxAcceleration": 2.0,
+        "maxAngularVelocity": 90.0,
+        "maxAngularAcceleration": 180.0,
+        "unlimited": False,
+    }
+    problem = load(tmp_path, "a.path", {
+        "version": "2025.0",
+        "waypoints": [
+            {"anchor": point(0.0), "prevControl": None, "nextControl": point(1.0)},
+            {"anchor": point(3.0), "prevControl": point(2.0), "nextControl": None},
+        ],
+        "rotationTargets": [{"waypointRelativePos": 0.25, "rotationDegrees": 30.0}],
+        "constraintZones": [{"minWaypointRelativePos": 0.5, "maxWaypointRelativePos": 1.0,
+                             "constraints": {**limits, "maxVelocity": 0.5}}],
+        "pointTowardsZones": [{"minWaypointRelativePos": 0.5, "maxWaypointRelativePos": 0.75,
+                               "fieldPosition": point(9.0), "rotationOffset": 180.0}],
+        "globalConstraints": limits,
+        "goalEndState": {"velocity": 0.0, "rotation": 90.0},
+        "idealStartingState": {"velocity": 0.0, "rotation": 0.0},
+    })  # fmt: skip
+    places = [(w.x, w.yaw, w.fixed) for w in problem.waypoints]
+    assert places == [
+        (0.0, 0.0, True),
+        (0.75, pytest.approx(radians(30.0)), False),
+        (1.5, None, False),
+        (2.25, None, False),
+        (3.0, pytest.approx(radians(90.0)), True),
+    ]
+    first, second, aim = problem.sections
+    assert (first.first, first.last, first.max_speed) == (0, 4, 1.0)
+    assert first.max_yaw_rate == pytest.approx(radians(90.0))
+    assert first.max_yaw_acceleration == pytest.approx(pi)
+    assert (second.first, second.last, second.max_speed) == (2, 4, 0.5)
+    assert (aim.first, aim.last, aim.point_at) == (2, 3, (9.0, 0.0))
+    assert aim.point_offset == pytest.approx(pi)
+    assert aim.max_speed == inf
