@@ -123,7 +123,7 @@ def test_pathplanner(tmp_path):
         (3.0, pytest.approx(radians(90.0)), True),
     ]
     first, second, aim = problem.sections
-    assert (first.first, first.last, first.max_speed) == (0, 4, 1.0)
+    assert (first.first, first.last, first.max_speed) == (0, 2, 1.0)
     assert first.max_yaw_rate == pytest.approx(radians(90.0))
     assert first.max_yaw_acceleration == pytest.approx(pi)
     assert (second.first, second.last, second.max_speed) == (2, 4, 0.5)

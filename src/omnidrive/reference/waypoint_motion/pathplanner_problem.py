@@ -1,11 +1,14 @@
 """Waypoints and constraints of a PathPlanner path (`.path`).
 
 Zones and rotation targets between waypoints become waypoints with a free position on the curve.
+A zone replaces the limits of the whole path; where zones overlap, the first one holds.
 Source: PathPlannerLib, `path_constraints.dart`, `constraints_zone.dart`, `point_towards_zone.dart`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import groupby, pairwise
 from math import inf, radians
 
 import numpy as np
@@ -42,14 +45,14 @@ def pathplanner_problem(root: Field) -> tuple[list[MotionWaypoint], list[Section
     sections = []
     everywhere = root.get("globalConstraints")
     if everywhere is not None:
-        limits.insert(0, ((0.0, float(count)), everywhere))
-    for (low, high), given in limits:
+        limits.append(((0.0, float(count)), everywhere))
+    for first, last, given in _first_limits(places, limits):
         unlimited = given.get("unlimited")
         if unlimited is None or unlimited.value is not True:
             sections.append(
                 Section(
-                    places.index(low),
-                    places.index(high),
+                    first,
+                    last,
                     max_speed=_limit(given, "maxVelocity"),
                     max_acceleration=_limit(given, "maxAcceleration"),
                     max_yaw_rate=radians(_limit(given, "maxAngularVelocity")),
@@ -63,6 +66,20 @@ def pathplanner_problem(root: Field) -> tuple[list[MotionWaypoint], list[Section
         first, last = places.index(low), places.index(high)
         sections.append(Section(first, last, point_at=point, point_offset=turn))
     return waypoints, sections
+
+
+def _first_limits(
+    places: list[float], limits: list[tuple[tuple[float, float], Field]]
+) -> Iterator[tuple[int, int, Field]]:
+    """Yield the first limits that hold on each leg, with the bounds of runs of the same limits."""
+    holding = [
+        next((k for k, ((a, b), _) in enumerate(limits) if a <= low and high <= b), None)
+        for low, high in pairwise(places)
+    ]
+    for key, run in groupby(range(len(holding)), key=holding.__getitem__):
+        legs = list(run)
+        if key is not None:
+            yield legs[0], legs[-1] + 1, limits[key][1]
 
 
 def _limit(limits: Field, key: str) -> float:
