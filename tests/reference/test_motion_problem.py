@@ -117,9 +117,9 @@ def test_pathplanner(tmp_path):
     places = [(w.x, w.yaw, w.fixed) for w in problem.waypoints]
     assert places == [
         (0.0, 0.0, True),
-        (0.75, pytest.approx(radians(30.0)), False),
-        (1.5, None, False),
-        (2.25, None, False),
+        (0.75, pytest.approx(radians(30.0)), True),
+        (1.5, None, True),
+        (2.25, None, True),
         (3.0, pytest.approx(radians(90.0)), True),
     ]
     first, second, aim = problem.sections

@@ -1,6 +1,7 @@
 """Waypoints and constraints of a PathPlanner path (`.path`).
 
-Zones and rotation targets between waypoints become waypoints with a free position on the curve.
+Zones and rotation targets between waypoints become waypoints on the curve; with a free position
+the optimisation would shorten zones.
 A zone replaces the limits of the whole path; where zones overlap, the first one holds.
 Source: PathPlannerLib, `path_constraints.dart`, `constraints_zone.dart`, `point_towards_zone.dart`.
 """
@@ -41,7 +42,7 @@ def pathplanner_problem(root: Field) -> tuple[list[MotionWaypoint], list[Section
         inside = any(low <= place <= high for (low, high), _ in aims)
         yaw = None if inside else targets.get(place)
         yaw = None if yaw is None else wrap(yaw)
-        waypoints.append(MotionWaypoint(x, y, yaw, fixed=place.is_integer()))
+        waypoints.append(MotionWaypoint(x, y, yaw))
     sections = []
     everywhere = root.get("globalConstraints")
     if everywhere is not None:

@@ -18,7 +18,8 @@ class MotionWaypoint:
         yaw: Heading, in rad, modulo whole turns; None: free.
         stop: Whether the robot stops here; it always does at the first and at the last waypoint.
         fixed: Whether the motion passes the position. If not, the position only guides the initial
-            path, and the waypoint bounds legs and sections.
+            path, and the waypoint bounds legs and sections: the optimisation may shorten a slow
+            section that it bounds.
     """
 
     x: float
