@@ -70,7 +70,7 @@ def test_a_path_of_a_moving_robot_begins_with_its_twist(name, twist):
 
 
 def test_a_path_against_the_motion_needs_a_stop():
-    with pytest.raises(InvalidReference, match="cannot be followed from the twist"):
+    with pytest.raises(InvalidReference, match="cannot be followed with the twist"):
         path_reference(line(3.0), START, ROBOT, twist=WorldTwist(-0.8, 0.0, 0.0))
 
 

@@ -76,6 +76,14 @@ class OptionFields:
             PATH_PANEL,
         ),
     ] = None
+    max_jerk: Annotated[
+        float | None,
+        option(
+            "M/S^3",
+            "Largest jerk with timing `limits` or `minimum-time`, m/s^3: smooth starts and stops.",
+            PATH_PANEL,
+        ),
+    ] = None
     margin: Annotated[
         float | None, option("M", "Clearance between robot and obstacles, m.", PATH_PANEL)
     ] = None

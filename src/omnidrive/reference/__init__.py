@@ -7,6 +7,7 @@ All of them satisfy the protocol :class:`Reference`:
 - :class:`ShapeReference`: a shape, such as :class:`Circle`, in a given duration;
 - :class:`UniformReference`: a spline path, its parameter proportional to time;
 - :class:`TimedReference`: a path, timed within limits of speed and acceleration;
+- :class:`SmoothReference`: a path, timed within limits of speed, acceleration and jerk;
 - :class:`RetimedReference`: another reference, uniformly slower or faster;
 - :class:`DelayedReference`: another reference, slower only where limits require it;
 - :class:`SplicedReference`: one reference, and from a given time on another one.
@@ -19,6 +20,7 @@ from omnidrive.reference.delay_within_limits import delay_within_limits, needed_
 from omnidrive.reference.delayed_reference import DelayedReference
 from omnidrive.reference.limit_sampling import sample_within_limits
 from omnidrive.reference.limit_usage import limit_usage, shortest_duration_within, slowed_to
+from omnidrive.reference.limited_reference import LimitedReference
 from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
 from omnidrive.reference.minimum_time import MinimumTime, minimum_time
 from omnidrive.reference.path_timing import time_within_limits
@@ -28,6 +30,7 @@ from omnidrive.reference.retimed_reference import RetimedReference
 from omnidrive.reference.sampled_reference import SampledReference
 from omnidrive.reference.shape_reference import ShapeReference
 from omnidrive.reference.shapes import Circle, Eight, RaisedCosine, RandomSmooth, Slalom, Square
+from omnidrive.reference.smooth_reference import SmoothReference
 from omnidrive.reference.spliced_reference import SplicedReference
 from omnidrive.reference.timed_reference import TimedReference
 from omnidrive.reference.uniform_reference import (
@@ -59,6 +62,7 @@ __all__ = [
     "Heading",
     "Hold",
     "LimitRows",
+    "LimitedReference",
     "MinimumTime",
     "MotionLimits",
     "MotionProblem",
@@ -75,6 +79,7 @@ __all__ = [
     "Setpoint",
     "ShapeReference",
     "Slalom",
+    "SmoothReference",
     "SplicedReference",
     "Square",
     "TimedReference",

@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
+from omnidrive.reference.limited_reference import LimitedReference
 from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.reference import Reference
 from omnidrive.reference.sampled_reference import MAX_SAMPLES, SampledReference
@@ -41,7 +42,8 @@ def sample_within_limits(
     Args:
         reference: The motion.
         dt: Time between samples, in s.
-        limits: Limits to keep; None: those of a :class:`TimedReference`, none for others.
+        limits: Limits to keep; None: those of a :class:`LimitedReference`, but not of its jerk;
+            none for others.
         usage: Peak use of each limit by the motion itself, as a share of the limit; where that is
             above 1, the samples keep it within 1 %. None: 1.
         min_step: Shortest time between an added sample and its neighbours, in s. The limits may be
@@ -55,7 +57,8 @@ def sample_within_limits(
     nodes = _Nodes(np.zeros(0), np.zeros(0))
     if isinstance(reference, TimedReference):
         nodes = _Nodes.of(reference)
-        limits = reference.limits if limits is None else limits
+    if limits is None and isinstance(reference, LimitedReference):
+        limits = tuple(group for group in reference.limits if group.kind != "jerk")
     if not limits:
         return samples
     allowed = {g.name: (1.0 + EXCESS) * max((usage or {}).get(g.name, 1.0), 1.0) for g in limits}

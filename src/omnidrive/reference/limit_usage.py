@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from omnidrive.reference.limited_reference import LimitedReference
 from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.motion import limit_shares
 from omnidrive.reference.reference import Reference
 from omnidrive.reference.retimed_reference import RetimedReference
 from omnidrive.reference.sampled_reference import SampledReference
 from omnidrive.reference.shape_reference import ShapeReference
-from omnidrive.reference.timed_reference import TimedReference
 
 _SAMPLES = 4000
 
@@ -58,7 +58,7 @@ def slowed_to(reference: Reference, max_speed: float | None) -> Reference:
     duration = shortest_duration_within(reference, (row,))
     if duration <= reference.duration * (1.0 + 1e-9):
         return reference
-    if isinstance(reference, TimedReference):
+    if isinstance(reference, LimitedReference):
         return reference.with_duration(duration)
     return RetimedReference(reference, duration)
 

@@ -33,6 +33,8 @@ class MotionLimits:
         yaw_rate: Yaw rate, in rad/s.
         acceleration: Acceleration of the origin of B, in m/s^2.
         yaw_acceleration: Yaw acceleration, in rad/s^2.
+        jerk: Rate of change of the acceleration of the origin of B in W, in m/s^3.
+        yaw_jerk: Rate of change of the yaw acceleration, in rad/s^3.
         acceleration_faces: Acceleration polytope
             ``|acceleration_faces @ (ax, ay, yaw acceleration)| <= 1`` in B, as
             :attr:`omnidrive.robot.Robot.acceleration_faces`; in s^2/m, s^2/m and s^2/rad. None: no
@@ -51,6 +53,8 @@ class MotionLimits:
     yaw_rate: float = inf
     acceleration: float = inf
     yaw_acceleration: float = inf
+    jerk: float = inf
+    yaw_jerk: float = inf
     acceleration_faces: Float[Array, "faces 3"] | None = None
 
     def __post_init__(self) -> None:
@@ -110,6 +114,8 @@ _UNITS = {
     "yaw_rate": "rad/s",
     "acceleration": "m/s^2",
     "yaw_acceleration": "rad/s^2",
+    "jerk": "m/s^3",
+    "yaw_jerk": "rad/s^3",
 }
 
 
@@ -120,14 +126,14 @@ class LimitRows(NamedTuple):
         name: Name of the limit, by which its use is reported.
         kind: Kind of the vector. ``speed``: body twist; ``twist rate``: time derivative of the body
             twist, on which the wheels' accelerations depend; ``acceleration``: second derivatives
-            of x, y and yaw in W, rotated into B.
+            of x, y and yaw in W, rotated into B. ``jerk``: their third derivatives, likewise.
         rows: Coefficients of the vector, divided by the limit; their units are the inverse of those
             of the vector.
         euclidean: Whether the Euclidean norm is limited, instead of each entry.
     """
 
     name: str
-    kind: Literal["speed", "twist rate", "acceleration"]
+    kind: Literal["speed", "twist rate", "acceleration", "jerk"]
     rows: Float[Array, "rows 3"]
     euclidean: bool = False
 
@@ -169,7 +175,7 @@ _TOUCH = 1e-9
 
 
 def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:
-    """Return every finite limit, and the wheel speed limit of ``chassis``, as rows.
+    """Return every finite limit but the jerk's, and the wheel speed limit of ``chassis``, as rows.
 
     Wheel speeds are ``chassis.jacobian @ twist``, wheel accelerations ``chassis.jacobian`` times
     the derivative of the twist.
@@ -194,6 +200,17 @@ def limit_rows(chassis: Chassis, limits: MotionLimits) -> tuple[LimitRows, ...]:
     ]
     if limits.acceleration_faces is not None:
         groups.append((LimitRows("wheel force", "acceleration", limits.acceleration_faces), 1.0))
+    return tuple(
+        group._replace(rows=group.rows / limit) for group, limit in groups if isfinite(limit)
+    )
+
+
+def jerk_rows(limits: MotionLimits) -> tuple[LimitRows, ...]:
+    """Return the finite limits of the jerk as rows."""
+    groups = (
+        (LimitRows("jerk", "jerk", np.eye(3)[:2], euclidean=True), limits.jerk),
+        (LimitRows("yaw jerk", "jerk", np.eye(3)[2:]), limits.yaw_jerk),
+    )
     return tuple(
         group._replace(rows=group.rows / limit) for group, limit in groups if isfinite(limit)
     )

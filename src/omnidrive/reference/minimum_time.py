@@ -15,9 +15,10 @@ from omnidrive.planning import SplinePath
 from omnidrive.planning.polyline import cumulative_length
 from omnidrive.reference.corridor import Corridor
 from omnidrive.reference.initial_headings import initial_headings, with_end_headings
-from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
+from omnidrive.reference.jerk_timing import fastest_reference
+from omnidrive.reference.limits import LimitRows, MotionLimits, jerk_rows, limit_rows
 from omnidrive.reference.piecewise_path import PiecewisePath
-from omnidrive.reference.time_parameterization import time_optimal_reference
+from omnidrive.reference.smooth_reference import SmoothReference
 from omnidrive.reference.timed_reference import TimedReference
 from omnidrive.reference.transcription import InitialGuess, casadi, optimise_path
 from omnidrive.robot import Chassis
@@ -47,7 +48,7 @@ class MinimumTime:
         corridor: Corridor of the path; None if there is none.
     """
 
-    reference: TimedReference
+    reference: TimedReference | SmoothReference
     path: SplinePath
     status: Literal["converged", "capped", "guess", "fallback"]
     message: str
@@ -85,9 +86,9 @@ def minimum_time(
         MissingExtra: CasADi is not installed.
     """
     casadi()
-    rows = limit_rows(chassis, limits)
+    rows, jerks = limit_rows(chassis, limits), jerk_rows(limits)
     path = with_end_headings(path, start_yaw, goal_yaw)
-    start = time_optimal_reference(PiecewisePath.of(path), rows)
+    start = fastest_reference(PiecewisePath.of(path), rows, jerks)
     if path.length == 0.0:
         return _fallback(path, start, None, "the path only turns on the spot")
     try:
@@ -104,7 +105,7 @@ def minimum_time(
     faster = SplinePath(corridor.to_world(found.path.control_points))
     if not corridor.contains(faster.control_points, pieces):
         return _fallback(path, start, corridor, "the motion found leaves the corridor")
-    reference = time_optimal_reference(PiecewisePath.of(faster), rows)
+    reference = fastest_reference(PiecewisePath.of(faster), rows, jerks)
     if reference.duration >= start.duration * (1.0 - _GAIN):
         message = f"the best motion in the corridor takes {reference.duration:.3f} s"
         return _fallback(path, start, corridor, message)
@@ -116,7 +117,7 @@ def minimum_time(
 
 
 def _fallback(
-    path: SplinePath, start: TimedReference, corridor: Corridor | None, why: str
+    path: SplinePath, start: TimedReference | SmoothReference, corridor: Corridor | None, why: str
 ) -> MinimumTime:
     message = f"start path at the limits, {start.duration:.3f} s: {why}"
     return MinimumTime(start, path, "fallback", message, corridor)

@@ -15,13 +15,12 @@ from omnidrive.planning import SplinePath
 from omnidrive.reference.free_heading import free_heading
 from omnidrive.reference.heading_policies import facing, fast_candidates, turning_once
 from omnidrive.reference.initial_headings import check_end_headings
-from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
+from omnidrive.reference.jerk_timing import fastest_reference
+from omnidrive.reference.limits import LimitRows, MotionLimits, jerk_rows, limit_rows
 from omnidrive.reference.piecewise_path import FixedHeading, PiecewisePath
-from omnidrive.reference.time_parameterization import (
-    ZoneSpeeds,
-    estimated_duration,
-    time_optimal_reference,
-)
+from omnidrive.reference.reference import Reference
+from omnidrive.reference.smooth_reference import SmoothReference
+from omnidrive.reference.time_parameterization import ZoneSpeeds, estimated_duration
 from omnidrive.reference.timed_reference import TimedReference
 from omnidrive.robot import Chassis
 
@@ -29,8 +28,8 @@ _TOLERANCE = 1e-6
 """Largest difference of headings that count as equal, in rad."""
 _BEST = 3
 """Candidates of heading `fastest` that are timed precisely, in addition to the tangent."""
-_START_TOLERANCE = 0.01
-"""Largest difference of twists at the start, in m/s and rad/s, beside 2 % of the twist."""
+_TWIST_TOLERANCE = 0.01
+"""Largest difference of twists at the ends, in m/s and rad/s, beside 2 % of the twist."""
 
 
 def time_within_limits(
@@ -44,37 +43,38 @@ def time_within_limits(
     goal_yaw: float | None = None,
     duration: float | None = None,
     start_twist: WorldTwist | None = None,
+    goal_twist: WorldTwist | None = None,
     zones: CostMap | None = None,
     target: tuple[float, float] | None = None,
-) -> TimedReference:
-    """Return the fastest motion along ``path`` within ``limits``, from rest to rest.
+) -> TimedReference | SmoothReference:
+    """Return the fastest motion along ``path`` within ``limits``, by default from rest to rest.
+
+    With limits of the jerk its acceleration is continuous, and zero at rest.
 
     Args:
         path: Path to follow; it may consist of a turn on the spot.
         chassis: Wheel kinematics and wheel speed limit.
         limits: All other limits.
-        heading: Kind of heading, see :data:`omnidrive.choices.Heading`; ``free`` needs the extra
-            ``casadi``.
-        yaw: Heading for ``fixed``, in rad; None: the heading at the start or, if that is free, at
-            the goal or, if both are free, the first heading of the path.
+        heading: Kind of heading, see :data:`omnidrive.choices.Heading`.
+        yaw: Heading for ``fixed``, in rad; None: that of the start, the goal or, if both are free,
+            the path's first one.
         start_yaw: Heading at the start, in rad, modulo whole turns; None: free.
         goal_yaw: Heading at the goal, likewise.
-        duration: Duration to which the whole motion is slowed, in s; None: the shortest.
-        start_twist: Twist in W at the start, along the path; m/s, m/s, rad/s. None: rest.
-        zones: Map whose ``max_speed`` also limits the speed of the origin of B.
+        duration: Duration to which the motion is slowed, in s; None: the shortest.
+        start_twist: Twist in W at the start along the path; m/s, m/s, rad/s. None: rest.
+        goal_twist: That at the goal.
+        zones: Map whose ``max_speed`` limits the speed of the origin of B.
         target: Point (x, y) in W, m, for ``face``.
 
     Raises:
-        InvalidInput: A limit or a heading is outside its domain, or its kind is unknown, or there
-            is no target for ``face``.
+        InvalidInput: A limit or heading is not possible, or the yaw jerk of ``tangent`` is limited.
         InvalidReference: The path does not move, has no direction of travel for heading
-            ``tangent``, cannot be followed in ``duration``, contradicts an end heading, or
-            cannot be followed from ``start_twist`` on: its direction is another one, or the
-            limits do not permit that speed there.
-        MissingExtra: Heading ``free`` without CasADi.
+            ``tangent``, contradicts an end heading, or cannot be followed in ``duration`` or with
+            the twists at its ends.
+        MissingExtra: ``free`` without CasADi.
     """
     check_choice("heading", heading, get_args(Heading))
-    rows = limit_rows(chassis, limits)
+    rows, jerks = limit_rows(chassis, limits), jerk_rows(limits)
     check_end_headings(start_yaw, goal_yaw)
     zone_speeds = None if zones is None or zones.max_speed is None else zones.max_speeds
     candidates = _with_heading(path, rows, heading, yaw, (start_yaw, goal_yaw), target)
@@ -82,15 +82,15 @@ def time_within_limits(
         _check_ends(each, heading, (start_yaw, goal_yaw))
     if len(candidates) > _BEST:
         candidates = _fastest(candidates, rows, zone_speeds)
+    twists = start_twist, goal_twist
     timed = [
-        time_optimal_reference(each, rows, _start_speed(each, start_twist), zone_speeds)
+        fastest_reference(each, rows, jerks, _end_speeds(each, twists), zone_speeds)
         for each in candidates
     ]
     reference = min(timed, key=lambda each: each.duration)
     if duration is not None:
         reference = reference.with_duration(duration)
-    if start_twist is not None:
-        _check_start(reference, start_twist)
+    _check_twists(reference, twists)
     return reference
 
 
@@ -129,25 +129,34 @@ def _fastest(
     return [*ranked[:_BEST], *(each for each in ranked[_BEST:] if each.tangent)]
 
 
-def _start_speed(path: PiecewisePath, twist: WorldTwist | None) -> float:
-    """Return ds/dt at the start of a path for which the twist there is nearest to ``twist``."""
-    if twist is None:
-        return 0.0
-    along = path.at(np.array([0]), np.array([0.0])).first_derivatives[0]
-    square = float(along @ along)
-    return max(float(along @ np.array(twist)) / square, 0.0) if square > 0.0 else 0.0
+def _end_speeds(
+    path: PiecewisePath, twists: tuple[WorldTwist | None, WorldTwist | None]
+) -> tuple[float, float]:
+    """Return ds/dt at the ends of a path for which the twists there are nearest to ``twists``."""
+    at = path.at(np.array([0, len(path.pieces) - 1]), np.array([0.0, 1.0]))
+    speeds = [0.0, 0.0]
+    for end, (along, twist) in enumerate(zip(at.first_derivatives, twists, strict=True)):
+        square = float(along @ along)
+        if twist is not None and square > 0.0:
+            speeds[end] = max(float(along @ np.array(twist)) / square, 0.0)
+    return speeds[0], speeds[1]
 
 
-def _check_start(reference: TimedReference, required: WorldTwist) -> None:
-    """Raise InvalidReference if the motion starts with another twist in W."""
-    found = reference.at(0.0).twist
-    off = np.abs(np.subtract(found, required))
-    if (off > _START_TOLERANCE + 0.02 * np.abs(required).max()).any():
-        texts = [f"({x:.3g} m/s, {y:.3g} m/s, {w:.3g} rad/s)" for x, y, w in (required, found)]
-        raise InvalidReference(
-            f"the path cannot be followed from the twist {texts[0]} on: within the limits it "
-            f"starts with {texts[1]}"
-        )
+def _check_twists(
+    reference: Reference, twists: tuple[WorldTwist | None, WorldTwist | None]
+) -> None:
+    """Raise InvalidReference if the motion has other twists in W at its ends than required."""
+    for end, t, required in zip(("start", "goal"), (0.0, reference.duration), twists, strict=True):
+        if required is None:
+            continue
+        found = reference.at(t).twist
+        off = np.abs(np.subtract(found, required))
+        if (off > _TWIST_TOLERANCE + 0.02 * np.abs(required).max()).any():
+            texts = [f"({x:.3g} m/s, {y:.3g} m/s, {w:.3g} rad/s)" for x, y, w in (required, found)]
+            raise InvalidReference(
+                f"the path cannot be followed with the twist {texts[0]} at the {end}: within the "
+                f"limits it has {texts[1]} there"
+            )
 
 
 def _check_ends(

@@ -131,6 +131,13 @@ class PiecewisePath:
             q2[:, 2] = (x1 * y3 - y1 * x3 - 2.0 * (x1 * x2 + y1 * y2) * q1[:, 2]) / square
         return PathDerivatives(q, q1, q2)
 
+    def third_derivatives(self, piece: Int[Array, " n"]) -> Float[Array, "n 3"]:
+        """Return the third derivatives on the given pieces; those of a tangent heading as 0."""
+        third: Float[Array, "n 3"] = 6.0 * self.pieces[piece, 3]
+        if self.tangent:
+            third[:, 2] = 0.0
+        return third
+
     def _set_headings(self) -> bool:
         """Set the headings of a tangent path; return whether no piece turns too far."""
         if not self.tangent:

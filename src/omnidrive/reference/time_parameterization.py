@@ -8,7 +8,7 @@ from math import ceil, log2
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
@@ -20,7 +20,7 @@ from omnidrive.reference.timed_reference import TimedReference
 _SHARES = (0.0, 0.5, 1.0)
 """Collocation points of an interval: the limits hold there by construction."""
 
-_ZONE_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+ZONE_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Points of an interval at which its zones are determined."""
 
 _FIRST_NODES, _MAX_NODES = 400, 20_000
@@ -59,14 +59,14 @@ NO_SECTIONS = PathSections()
 def time_optimal_reference(
     path: PiecewisePath,
     limits: tuple[LimitRows, ...],
-    start_speed: float = 0.0,
+    end_speeds: tuple[float, float] = (0.0, 0.0),
     zone_speeds: ZoneSpeeds | None = None,
     sections: PathSections = NO_SECTIONS,
 ) -> TimedReference:
-    """Return the fastest motion along ``path`` within ``limits`` that ends at rest.
+    """Return the fastest motion along ``path`` within ``limits``.
 
-    It starts with ``start_speed`` (ds/dt in 1/s; the path parameter s counts pieces), or less if
-    the limits do not permit that much.
+    It starts and ends with ``end_speeds`` (ds/dt in 1/s; the path parameter s counts pieces), or
+    less if the limits do not permit that much.
 
     The time lost to the grid decreases with its width, so that the durations on two grids give the
     width required. Limits that are violated between the collocation points, for example next to a
@@ -79,20 +79,20 @@ def time_optimal_reference(
     maximum = max(4 if pieces <= _LONG else 2, _MAX_NODES // pieces)
     per_piece = min(max(2, -(-_FIRST_NODES // pieces)), maximum)
     if 2 * per_piece < maximum:
-        coarse = _on_grid(path, limits, per_piece, start_speed, zone_speeds, sections)
-        fine = _on_grid(path, limits, 2 * per_piece, start_speed, zone_speeds, sections)
+        coarse = _on_grid(path, limits, per_piece, end_speeds, zone_speeds, sections)
+        fine = _on_grid(path, limits, 2 * per_piece, end_speeds, zone_speeds, sections)
         gain = abs(coarse.duration / fine.duration - 1.0)
         per_piece = min(per_piece * 2 ** max(1, ceil(log2(2.0 * gain / _GAIN + 1e-9))), maximum)
     else:
         per_piece = maximum
     factors = np.ones(per_piece * pieces)
-    reference = _on_grid(path, limits, per_piece, start_speed, zone_speeds, sections)
+    reference = _on_grid(path, limits, per_piece, end_speeds, zone_speeds, sections)
     for _ in range(_TRIES):
         usage = _peak_usage(reference)
         if usage.max() <= 1.0 + _EXCESS:
             break
         factors *= np.maximum(usage, 1.0)
-        reference = _on_grid(path, limits, per_piece, start_speed, zone_speeds, sections, factors)
+        reference = _on_grid(path, limits, per_piece, end_speeds, zone_speeds, sections, factors)
     usage = _peak_usage(reference).max()
     return reference.with_duration(reference.duration * usage**0.5) if usage > 1.0 else reference
 
@@ -102,14 +102,14 @@ def estimated_duration(
 ) -> float:
     """Return the duration (s) of :func:`time_optimal_reference` on a coarse grid, for rankings."""
     per_piece = max(2, -(-_FIRST_NODES // len(path.pieces)))
-    return _on_grid(path, limits, per_piece, 0.0, zone_speeds).duration
+    return _on_grid(path, limits, per_piece, (0.0, 0.0), zone_speeds).duration
 
 
 def _on_grid(  # noqa: PLR0917
     path: PiecewisePath,
     limits: tuple[LimitRows, ...],
     per_piece: int,
-    start_speed: float,
+    end_speeds: tuple[float, float],
     zone_speeds: ZoneSpeeds | None,
     sections: PathSections = NO_SECTIONS,
     factors: Float[Array, " intervals"] | None = None,
@@ -120,7 +120,7 @@ def _on_grid(  # noqa: PLR0917
         path: Path to follow.
         limits: Limits of the motion.
         per_piece: Number of intervals on each piece.
-        start_speed: Largest ds/dt at the start, 1/s.
+        end_speeds: Largest ds/dt at the start and at the end, 1/s.
         zone_speeds: Largest speed of the origin of B at points in W; None: no zones.
         sections: Limits of parts of the path, and stops between its ends.
         factors: Divisor of the limits in each interval; speed limits are divided by its root.
@@ -131,15 +131,17 @@ def _on_grid(  # noqa: PLR0917
         inside = each.intervals(len(a), 1.0 / per_piece)[:, None]
         a, b = np.hstack([a, section_a * inside]), np.hstack([b, section_b * inside])
     if zone_speeds is not None:
-        zone_a, zone_b = _zone_rows(path, zone_speeds, per_piece)
-        a, b = np.hstack([a, zone_a]), np.hstack([b, zone_b])
+        piece, part = np.divmod(np.arange(len(a)), per_piece)
+        zone = zone_rows(path, zone_speeds, piece, (part[:, None] + ZONE_SHARES) / per_piece)
+        a = np.hstack([a, zone * (2.0 * np.array(_SHARES) / per_piece)])
+        b = np.hstack([b, zone])
     # where nothing moves (three equal control points) no row bounds x; this value does
     scale = np.abs(a).max(axis=1)
     top = 1e6 * float(np.median(2.0 * len(path.pieces) / scale[scale > 0.0]))
     if factors is not None:
         a *= factors[:, None]
         b *= factors[:, None]
-    ends = top if still[0] else start_speed**2, top if still[1] else 0.0
+    ends = [top if s else v**2 for v, s in zip(end_speeds, still, strict=True)]
     bounds = [0, *(stop * per_piece for stop in sections.stops), len(a)]
     parts = [
         max_squared_speeds(
@@ -160,16 +162,25 @@ def _on_grid(  # noqa: PLR0917
     return reference
 
 
-def _zone_rows(
-    path: PiecewisePath, zone_speeds: ZoneSpeeds, per_piece: int
-) -> tuple[Float[Array, "intervals 3"], Float[Array, "intervals 3"]]:
-    """Return the limits of the zones as rows of :func:`interval_rows`."""
-    piece, part = np.divmod(np.arange(len(path.pieces) * per_piece), per_piece)
-    at = [path.at(piece, (part + share) / per_piece) for share in _ZONE_SHARES]
+def zone_rows(
+    path: PiecewisePath,
+    zone_speeds: ZoneSpeeds,
+    piece: Int[Array, " intervals"],
+    r: Float[Array, "intervals 5"],
+) -> Float[Array, "intervals 3"]:
+    """Return the limits of the zones on the squared speed as in :func:`interval_rows`.
+
+    Args:
+        path: The path.
+        zone_speeds: Largest speed of the origin of B.
+        piece: Piece of the path of each interval.
+        r: Start, quarters and end of each interval, as parameters of its piece.
+    """
+    at = [path.at(piece, column) for column in r.T]
     least = np.min([zone_speeds(points.poses[:, :2]) for points in at], axis=0)
     squares = [(p.first_derivatives[:, :2] ** 2).sum(axis=1) for p in at[:: len(at) // 2]]
-    across = np.stack(squares, axis=1) / least[:, None] ** 2
-    return across * (2.0 * np.array(_SHARES) / per_piece), across
+    across: Float[Array, "intervals 3"] = np.stack(squares, axis=1) / least[:, None] ** 2
+    return across
 
 
 def _peak_usage(reference: TimedReference) -> Float[Array, " intervals"]:

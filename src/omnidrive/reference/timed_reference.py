@@ -9,18 +9,17 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidReference
+from omnidrive.reference.limited_reference import LimitedReference
 from omnidrive.reference.limits import LimitRows, SectionLimit
 from omnidrive.reference.piecewise_path import PathDerivatives, PiecewisePath, body_derivatives
-from omnidrive.reference.reference import WindowReference
 
 _CHECKS = 8
 """Number of points per interval, besides its start, at which limits are evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
-class TimedReference(WindowReference):
-    """Motion along a path that ends at rest, with ``(ds/dt)^2`` linear in s between equal nodes.
+class TimedReference(LimitedReference):
+    """Motion along a path, with ``(ds/dt)^2`` linear in s between equal nodes.
 
     The path acceleration d2s/dt2 is constant between nodes, and the pose at any time has a closed
     form. The velocity is continuous; the acceleration may jump at nodes.
@@ -98,21 +97,9 @@ class TimedReference(WindowReference):
         """Peak usage of each limit, between nodes as well, as a share of the limit."""
         return {name: float(shares.max()) for name, shares in self.interval_usage.items()}
 
-    def with_duration(self, duration: float) -> TimedReference:
-        """Return the same motion, slowed evenly to take ``duration`` seconds.
-
-        Speeds scale with 1 / duration, accelerations with its square.
-
-        Raises:
-            InvalidReference: ``duration`` is shorter than that of this motion, or not finite.
-        """
-        if not np.isfinite(duration) or duration < self.duration * (1.0 - 1e-9):
-            raise InvalidReference(
-                f"a duration of {duration:g} s is too short for this path: the fastest motion "
-                f"within the limits takes {self.duration:.3f} s"
-            )
-        slower = (self.duration / duration) ** 2
-        return replace(self, squared_speeds=self.squared_speeds * slower)
+    def slowed(self, rate: float) -> TimedReference:
+        """Return the same motion with all speeds multiplied by ``rate``, at most 1."""
+        return replace(self, squared_speeds=self.squared_speeds * rate**2)
 
 
 def _usage(

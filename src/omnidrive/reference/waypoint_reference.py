@@ -10,10 +10,10 @@ from omnidrive.choices import TableHeading
 from omnidrive.errors import InvalidReference, one_line
 from omnidrive.files.str_path import StrPath
 from omnidrive.planning import Path, SplinePath
+from omnidrive.reference.limited_reference import LimitedReference
 from omnidrive.reference.limits import MotionLimits
 from omnidrive.reference.path_timing import time_within_limits
 from omnidrive.reference.sampled_reference import SampledReference
-from omnidrive.reference.timed_reference import TimedReference
 from omnidrive.reference.waypoints import load_waypoints
 from omnidrive.robot import Robot
 
@@ -37,7 +37,7 @@ def waypoint_reference(
     *,
     heading: TableHeading = "tangent",
     max_speed: float | None = None,
-) -> SampledReference | TimedReference:
+) -> SampledReference | LimitedReference:
     """Return the motion of a waypoint file.
 
     A file with times is interpolated, see :class:`SampledReference`. A file without times is

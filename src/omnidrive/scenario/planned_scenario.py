@@ -17,6 +17,7 @@ from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import FootprintPlan, SplinePath, footprint_clearance
 from omnidrive.planning.footprint import pose_distance
 from omnidrive.reference import (
+    LimitedReference,
     LimitRows,
     MotionLimits,
     Reference,
@@ -24,7 +25,6 @@ from omnidrive.reference import (
     ReferencePath,
     RetimedReference,
     ShapeReference,
-    TimedReference,
     limit_rows,
     limit_usage,
     minimum_time,
@@ -161,7 +161,7 @@ class PlannedScenario:
     @property
     def shortest(self) -> float:
         """Shortest duration within the limits, s; rounded to 0.1 s with the timing `uniform`."""
-        if isinstance(self.motion, TimedReference):
+        if isinstance(self.motion, LimitedReference):
             return self.motion.duration
         if self.motion is not None:
             return shortest_duration_within(self.motion, self.limits)
@@ -175,7 +175,7 @@ class PlannedScenario:
         It differs from :attr:`shortest` for a motion that is not along a planned path: only its
         speeds are limited.
         """
-        if self.motion is None or isinstance(self.motion, TimedReference):
+        if self.motion is None or isinstance(self.motion, LimitedReference):
             return self.shortest
         return shortest_duration_within(self.motion, self._speed_limits)
 
@@ -186,8 +186,9 @@ class PlannedScenario:
     @property
     def natural(self) -> float | None:
         """Duration of a motion with times of its own, s; None: only limits determine it."""
-        by_limits = self.motion is None or isinstance(self.motion, TimedReference | ShapeReference)
-        return None if by_limits or self.motion is None else self.motion.duration
+        if self.motion is None or isinstance(self.motion, LimitedReference | ShapeReference):
+            return None
+        return self.motion.duration
 
     def reference(self, duration: float) -> Reference:
         """Return the motion in ``duration`` seconds.
@@ -196,7 +197,7 @@ class PlannedScenario:
             InvalidReference: The duration is too short for the limits. Only speeds limit a motion
                 that is not along a planned path.
         """
-        if isinstance(self.motion, TimedReference):
+        if isinstance(self.motion, LimitedReference):
             return self.motion.with_duration(duration)
         if self.motion is None:
             assert isinstance(self.path, SplinePath)
@@ -292,14 +293,17 @@ def _motion_limits(scenario: Scenario, robot: Robot) -> MotionLimits:
     """Return the limits of the section `timing`."""
     timing = scenario.timing
     limits = MotionLimits.of_robot(robot, share=timing.traction, max_speed=timing.max_speed)
-    if timing.wheel_acceleration is None:
-        return limits
-    return replace(limits, wheel_acceleration=timing.wheel_acceleration)
+    return replace(
+        limits,
+        wheel_acceleration=timing.wheel_acceleration or inf,
+        jerk=timing.max_jerk or inf,
+        yaw_jerk=timing.max_yaw_jerk or inf,
+    )
 
 
 def _timed(
     scenario: Scenario, robot: Robot, plan_: ScenarioPlan
-) -> tuple[SplinePath, TimedReference | None, str]:
+) -> tuple[SplinePath, LimitedReference | None, str]:
     """Return the path, the fastest motion along it, and the note on the timing."""
     timing, chassis = scenario.timing, robot.chassis
     if timing.law == "uniform":

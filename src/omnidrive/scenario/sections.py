@@ -159,11 +159,18 @@ class TimingSection(Section):
     max_speed: Annotated[float, Bounds(0.001, 100.0, "m/s")] | None = None
     """Largest speed of the motion, planned or not, m/s. None: no limit other than that of the
     wheels."""
+    max_jerk: Annotated[float, Bounds(0.001, 1e5, "m/s^3")] | None = None
+    """Largest jerk of the robot's centre with the laws `limits` and `minimum-time`, m/s^3. The
+    motion then starts and ends without acceleration. None: the acceleration may jump."""
+    max_yaw_jerk: Annotated[float, Bounds(0.001, 1e5, "rad/s^3")] | None = None
+    """Largest yaw jerk, likewise, rad/s^3; not with heading `tangent`. None: no limit."""
 
     @model_validator(mode="after")
     def _check_heading(self) -> TimingSection:
         if self.heading != "path" and self.law != "limits":
             raise ValueError(f"heading: '{self.heading}' needs the law limits, not {self.law}")
+        if self.law == "uniform" and (self.max_jerk or self.max_yaw_jerk):
+            raise ValueError("max_jerk, max_yaw_jerk: need the law limits or minimum-time")
         if (self.heading == "face") != (self.target is not None):
             raise ValueError("target: a point for the heading 'face', and only for it")
         return self

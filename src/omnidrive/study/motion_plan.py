@@ -10,8 +10,8 @@ from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.planning import FootprintPlan, SplinePath
 from omnidrive.planning.footprint import PoseSearchResult
 from omnidrive.reference import (
+    LimitedReference,
     Reference,
-    TimedReference,
     limit_usage,
     sample_within_limits,
     save_waypoints,
@@ -107,7 +107,7 @@ def _search_facts(planned: PlannedScenario) -> dict[str, Fact]:
 
 def _limit_usage(planned: PlannedScenario, reference: Reference) -> dict[str, float]:
     """Return the peak use of every limit by the reference, as a share of the limit, by name."""
-    if isinstance(reference, TimedReference):
+    if isinstance(reference, LimitedReference):
         return reference.limit_usage
     if isinstance(planned.path, SplinePath):
         duration, top = reference.duration, planned.scenario.timing.max_speed
@@ -172,7 +172,7 @@ def save_plan(planned: PlannedScenario, reference: Reference, path: StrPath) -> 
 
 def _save_motion(planned: PlannedScenario, reference: Reference, path: StrPath) -> None:
     dt = planned.scenario.sample_time
-    if isinstance(reference, TimedReference):  # it has limits of its own
+    if isinstance(reference, LimitedReference):  # it has limits of its own
         save_waypoints(path, reference, dt=dt)
         return
     usage = _limit_usage(planned, reference)

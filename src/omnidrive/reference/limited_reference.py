@@ -1,0 +1,54 @@
+"""Base of references along a path, timed within limits."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Self
+
+import numpy as np
+
+from omnidrive.errors import InvalidReference
+from omnidrive.reference.limits import LimitRows
+from omnidrive.reference.piecewise_path import PiecewisePath
+from omnidrive.reference.reference import WindowReference
+
+
+class LimitedReference(WindowReference):
+    """Motion along a path within limits; abstract.
+
+    Attributes:
+        path: Poses as a function of the path parameter s.
+        limits: Limits that :attr:`limit_usage` evaluates.
+    """
+
+    path: PiecewisePath
+    limits: tuple[LimitRows, ...]
+
+    @property
+    @abstractmethod
+    def duration(self) -> float:
+        """Duration of the motion, in s."""
+
+    @property
+    @abstractmethod
+    def limit_usage(self) -> dict[str, float]:
+        """Peak usage of each limit, between nodes as well, as a share of the limit."""
+
+    @abstractmethod
+    def slowed(self, rate: float) -> Self:
+        """Return the same motion with all speeds multiplied by ``rate``, at most 1."""
+
+    def with_duration(self, duration: float) -> Self:
+        """Return the same motion, slowed evenly to take ``duration`` seconds.
+
+        Speeds scale with 1 / duration, accelerations with its square, jerks with its cube.
+
+        Raises:
+            InvalidReference: ``duration`` is shorter than that of this motion, or not finite.
+        """
+        if not np.isfinite(duration) or duration < self.duration * (1.0 - 1e-9):
+            raise InvalidReference(
+                f"a duration of {duration:g} s is too short for this path: the fastest motion "
+                f"within the limits takes {self.duration:.3f} s"
+            )
+        return self.slowed(self.duration / duration)
