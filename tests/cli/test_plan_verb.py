@@ -75,7 +75,7 @@ def test_waypoint_files(capsys, room, tmp_path, ending):
 def test_saved_folder_reproduces_the_reference(capsys, room, tmp_path):
     plan(capsys, *room, "--out", tmp_path / "p")
     assert {path.name for path in (tmp_path / "p").iterdir()} == {
-        "map.pgm", "map.yaml", "path.png", "reference.csv", "scenario.yaml",
+        "map.pgm", "map.yaml", "path.html", "path.png", "reference.csv", "scenario.yaml",
     }  # fmt: skip
     again = plan_and_check(load_scenario(tmp_path / "p" / "scenario.yaml"))
     reference = load_waypoints(tmp_path / "p" / "reference.csv")
@@ -176,6 +176,19 @@ def test_figure_shows_the_path(capsys, room, tmp_path):
         pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
     blue = (pixels == (0, 114, 178)).all(axis=1).sum()
     assert blue > 500
+
+
+def test_page_has_the_motion_and_the_results(capsys, room, tmp_path):
+    facts = json.loads(plan(capsys, *room, "--html", tmp_path / "p.html", "--json"))
+    text = (tmp_path / "p.html").read_text(encoding="utf-8")
+    data = json.loads(re.search(r'type="application/json">(.*?)</script>', text, re.DOTALL)[1])
+    motion = data["plan"]
+    assert motion["t"][-1] == pytest.approx(facts["duration_s"])
+    assert motion["s"][-1] == pytest.approx(facts["length_m"], rel=1e-3)
+    assert min(motion["clearance"]) == pytest.approx(facts["clearance_m"], abs=2e-3)
+    assert max(motion["cost"]) > 0.0
+    assert f"{facts['length_m']:.3f} m" in text
+    assert len(text) < 1e6
 
 
 def test_duration_scales_the_wheel_speed(capsys, room):
@@ -358,6 +371,8 @@ def test_unknown_suffix_is_rejected_and_creates_nothing(room, tmp_path):
     ("options", "message"),
     [
         (["--png", "a.txt"], "the suffix of a figure must be .png or .svg"),
+        (["--html", "a.png"], "the suffix of a page must be .html"),
+        (["--html", "no/a.html"], "cannot write to no/a.html: there is no folder no"),
         (["--png", "no/a.png"], "cannot write to no/a.png: there is no folder no"),
         (["--png", "folder.png"], "cannot write to folder.png: it is a folder"),
         (["--png", "file/a.png"], "cannot write to file/a.png: Not a directory"),

@@ -126,6 +126,7 @@ def test_plan_reports_and_writes_a_shape(here, capsys):
     assert {p.name for p in (here / "c").iterdir()} == {
         "scenario.yaml",
         "reference.csv",
+        "path.html",
         "path.png",
     }
     assert (here / "c.png").stat().st_size > 10_000

@@ -1,5 +1,7 @@
 """Small study on the kinematic plant with the structure of the paper's study."""
 
+import os
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +22,7 @@ from omnidrive.study.computation.run_recording import step_values, tracking_valu
 from tests.evaluation.recorded import labelled, record
 
 DT = 0.1
+LOCAL = ("file:", "data:", "blob:")
 ROBOT = named_robot("paper")
 GAINS = {"fuzzy_t1": 1.5, "fuzzy_t2": 1.8, "unicycle-nmpc": 3.0, "holonomic-nmpc": 8.0}
 
@@ -150,3 +153,56 @@ def part(study):
         if r.controller in ("unicycle-nmpc", "holonomic-nmpc")
     )
     return replace(study, runs=keep)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next(filter(None, map(shutil.which, names)), None)
+    if found is None:
+        reason = f"no browser: none of {', '.join(names)} is installed"
+        if os.environ.get("OMNIDRIVE_REQUIRE_BROWSER"):
+            pytest.fail(reason)
+        pytest.skip(reason)
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        arguments = ["--no-sandbox", "--disable-gpu", "--disable-background-networking",
+                     "--disable-component-update", "--no-first-run"]  # fmt: skip
+        running = playwright.chromium.launch(executable_path=found, args=arguments)
+        yield running
+        running.close()
+
+
+@pytest.fixture
+def show(browser, tmp_path):
+    """Return a function that opens the text of a page; requests and errors fail the test."""
+    problems, contexts = [], []
+
+    def on_request(request):
+        if not request.url.startswith(LOCAL):
+            problems.append(f"request to {request.url}")
+
+    def on_message(message):
+        if message.type in ("error", "warning"):
+            problems.append(message.text)
+
+    def opened(text, **options):
+        path = tmp_path / "report.html"
+        path.write_text(text, encoding="utf-8")
+        context = browser.new_context(
+            **{"viewport": {"width": 1280, "height": 800}, "reduced_motion": "reduce", **options}
+        )
+        contexts.append(context)
+        context.set_offline(True)
+        context.on("request", on_request)
+        page = context.new_page()
+        page.on("console", on_message)
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.goto(path.as_uri(), timeout=180_000.0)  # ms; on a busy machine
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+    assert problems == []

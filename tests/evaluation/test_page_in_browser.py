@@ -1,8 +1,6 @@
 """The report in a browser: playback, charts, tables, themes, print and hostile names."""
 
-import os
 import re
-import shutil
 from dataclasses import replace
 from io import BytesIO
 from time import monotonic
@@ -34,26 +32,6 @@ TABLES = (
         "Steps", ("Controller", "rise in s"), (("NMPC", "0.9"), ("Holonomic NMPC", "0.4")), "Note."
     ),
 )
-LOCAL = ("file:", "data:", "blob:")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    names = ("chromium", "chromium-browser", "google-chrome")
-    found = next(filter(None, map(shutil.which, names)), None)
-    if found is None:
-        reason = f"no browser: none of {', '.join(names)} is installed"
-        if os.environ.get("OMNIDRIVE_REQUIRE_BROWSER"):
-            pytest.fail(reason)
-        pytest.skip(reason)
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        arguments = ["--no-sandbox", "--disable-gpu", "--disable-background-networking",
-                     "--disable-component-update", "--no-first-run"]  # fmt: skip
-        running = playwright.chromium.launch(executable_path=found, args=arguments)
-        yield running
-        running.close()
 
 
 @pytest.fixture(scope="module")
@@ -71,38 +49,13 @@ def text_of():
 
 
 @pytest.fixture
-def visit(browser, text_of, tmp_path):
+def visit(show, text_of):
     """Return a function that opens the report; requests and errors fail the test."""
-    problems, contexts = [], []
-
-    def on_request(request):
-        if not request.url.startswith(LOCAL):
-            problems.append(f"request to {request.url}")
-
-    def on_message(message):
-        if message.type in ("error", "warning"):
-            problems.append(message.text)
 
     def opened(results, tables=TABLES, **options):
-        path = tmp_path / "report.html"
-        text = results if isinstance(results, str) else text_of(results, tables)
-        path.write_text(text, encoding="utf-8")
-        context = browser.new_context(
-            **{"viewport": {"width": 1280, "height": 800}, "reduced_motion": "reduce", **options}
-        )
-        contexts.append(context)
-        context.set_offline(True)
-        context.on("request", on_request)
-        page = context.new_page()
-        page.on("console", on_message)
-        page.on("pageerror", lambda error: problems.append(str(error)))
-        page.goto(path.as_uri(), timeout=180_000.0)  # ms; on a busy machine
-        return page
+        return show(results if isinstance(results, str) else text_of(results, tables), **options)
 
-    yield opened
-    for context in contexts:
-        context.close()
-    assert problems == []
+    return opened
 
 
 def wait_until(page, condition):

@@ -39,13 +39,21 @@ def plan(
             "FILE|FOLDER",
             "Write the motion to a waypoint file: .csv, .path (PathPlanner), .traj (Choreo) or "
             ".yaml (ROS nav_msgs/Path); any other name is a new folder for scenario.yaml, "
-            "reference.csv and path.png.",
+            "reference.csv, path.png and path.html.",
             RESULTS_PANEL,
         ),
     ] = None,
     png: Annotated[
         Path | None,
         option("FILE.png", "Draw map, path and speeds; .svg is supported too.", RESULTS_PANEL),
+    ] = None,
+    html: Annotated[
+        Path | None,
+        option(
+            "FILE.html",
+            "Write a page with map, costs and zones, on which chart and robot follow the pointer.",
+            RESULTS_PANEL,
+        ),
     ] = None,
     json: JsonOption = False,
 ) -> None:
@@ -59,21 +67,21 @@ def plan(
     For example:
 
     * `omnidrive plan`
-    * `omnidrive plan depot.yaml --start 2,2 --goal 27,13 --robot small --png depot.png`
     * `omnidrive plan depot.yaml --start 2,2 --goal 27,13 --robot small --out depot.traj`
+    * `omnidrive plan depot.yaml --start 2,2 --goal 27,13 --robot small --html depot.html`
     * `omnidrive plan --reference circle,radius=1.5 --png circle.png`
     * `omnidrive plan maze.map --scen maze.map.scen --json`
     """
     from omnidrive.compiled import announce_compiling
 
     if scen is not None:
-        _check_search_options(shared, out=out, png=png)
+        _check_search_options(shared, out=out, png=png, html=html)
         _solve(shared, scen, json)
         return
-    study.check_plan_targets(out, png)
+    study.check_plan_targets(out, png, html)
     with announce_compiling():
         planned = _planned(shared)
-    _report(planned, out, png, json)
+    _report(planned, out, png, html, json)
 
 
 def _planned(shared: ScenarioOptions) -> scenarios.PlannedScenario:
@@ -90,7 +98,11 @@ def _planned(shared: ScenarioOptions) -> scenarios.PlannedScenario:
 
 
 def _report(
-    planned: scenarios.PlannedScenario, out: Path | None, png: Path | None, json: bool
+    planned: scenarios.PlannedScenario,
+    out: Path | None,
+    png: Path | None,
+    html: Path | None,
+    json: bool,
 ) -> None:
     """Print the results and write the requested files."""
     reference = planned.reference(study.planned_duration(planned))
@@ -108,6 +120,9 @@ def _report(
     if png:
         study.save_figure(planned, reference, png)
         conclude(f"figure written to {png}", beside_json=json)
+    if html:
+        study.save_plan_page(planned, reference, html)
+        conclude(f"page written to {html}", beside_json=json)
 
 
 def _key(name: str, fact: study.Fact) -> tuple[str, float | str | None]:

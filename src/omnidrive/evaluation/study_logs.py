@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omnidrive.control.controller import FALLS_BEHIND
+from omnidrive.evaluation.plan_view import PlanView
 from omnidrive.evaluation.run_record import RunRecord
 from omnidrive.fuzzy import FuzzySystem
 from omnidrive.maps import OccupancyGrid
@@ -86,6 +87,7 @@ class StudyLogs:
         types: Type and parameters of each controller by its label; a label that is absent is its
             own type.
         repeats: Number of noise seeds per controller.
+        plan: The motion along a planned path; None for a reference that is not planned.
     """
 
     title: str
@@ -100,6 +102,7 @@ class StudyLogs:
     faults: Mapping[str, Fault] = field(default_factory=dict)
     types: Mapping[str, ControllerType] = field(default_factory=dict)
     repeats: int = 1
+    plan: PlanView | None = None
 
     @property
     def controllers(self) -> tuple[str, ...]:

@@ -223,11 +223,22 @@ class CostMap:
         """Return the speed limit at points (x, y) in W, in m/s; infinite where there is none."""
         if self.max_speed is None:
             return np.full(len(points), np.inf)
+        return self._values_at(self.max_speed, points, np.inf)
+
+    def costs_at(self, points: Float[Array, "points 2"]) -> Float[Array, " points"]:
+        """Return the cost of the cells of points (x, y) in W; 0 outside the map."""
+        return self._values_at(self.costs, points, 0.0)
+
+    def _values_at(
+        self, values: Float32[Array, "rows cols"], points: Float[Array, "points 2"], outside: float
+    ) -> Float[Array, " points"]:
+        """Return the values of the cells of points, and ``outside`` beyond the map."""
         cells = self.grid.cells_of(points)
-        last = np.array(self.max_speed.shape) - 1
+        last = np.array(values.shape) - 1
         within = ((cells >= 0) & (cells <= last)).all(axis=1)
         row, col = cells.clip(0, last).T
-        return np.where(within, self.max_speed[row, col].astype(float), np.inf)
+        found: Float[Array, " points"] = np.where(within, values[row, col].astype(float), outside)
+        return found
 
 
 def load_costs(path: StrPath, grid: OccupancyGrid) -> Float32[Array, "rows cols"]:

@@ -10,7 +10,7 @@ from .design.definition_file import (
 from .design.planned_run import PlannedRun
 from .design.run_plan import RunPlan, check_size
 from .folder import RunFolder
-from .motion_plan import Fact, plan_facts, planned_duration, save_figure, save_plan
+from .motion_plan import Fact, plan_facts, planned_duration, save_figure, save_plan, save_plan_page
 from .output_paths import (
     check_figure,
     check_new_file,
@@ -56,6 +56,7 @@ __all__ = [
     "save_definition",
     "save_figure",
     "save_plan",
+    "save_plan_page",
     "solve_queries",
     "study_names",
     "warm_up",

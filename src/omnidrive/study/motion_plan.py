@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omnidrive.evaluation.plan_view import PlanView
+from omnidrive.files.output_file import output_file
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.planning import FootprintPlan, SplinePath
 from omnidrive.planning.footprint import PoseSearchResult
@@ -19,9 +21,10 @@ from omnidrive.reference import (
     wheel_speed_used,
 )
 from omnidrive.scenario.planned_scenario import PlannedScenario
-from omnidrive.study.output_paths import check_figure_name, is_waypoint_file
+from omnidrive.study.output_paths import check_figure_name, check_page_name, is_waypoint_file
 
 _SAMPLES = 2001
+_VIEW_SAMPLES = 1001  # of the page, whose size is bounded
 _CORNERS = 41  # of a circle around the robot
 
 
@@ -144,6 +147,45 @@ def save_figure(planned: PlannedScenario, reference: Reference, path: StrPath) -
     save(figure, path)
 
 
+def plan_view(planned: PlannedScenario, reference: Reference) -> PlanView:
+    """Return the motion on its map, at 1001 equally spaced times.
+
+    Args:
+        planned: The planned scenario.
+        reference: The motion along the path.
+    """
+    times = np.linspace(0.0, reference.duration, _VIEW_SAMPLES)
+    motion = reference.window(0.0, _VIEW_SAMPLES, reference.duration / (_VIEW_SAMPLES - 1))
+    return PlanView(
+        planned.robot,
+        planned.obstacles,
+        planned.free_space,
+        planned.plan.grid_path if planned.plan else None,
+        times,
+        motion,
+        planned.clearances(motion[:, None, :3]),
+        planned.limits,
+        planned.plan.costs if planned.plan else None,
+    )
+
+
+def save_plan_page(planned: PlannedScenario, reference: Reference, path: StrPath) -> None:
+    """Write a self-contained HTML page with the motion on its map and the results of planning.
+
+    Raises:
+        InvalidInput: The file name has another suffix.
+        CannotWrite: The file cannot be written.
+    """
+    from omnidrive.evaluation.page import PlanPage  # noqa: PLC0415 - takes a second
+
+    path = to_path(path)
+    check_page_name(path)
+    facts = {name: str(fact) for name, fact in plan_facts(planned, reference).items()}
+    page = PlanPage(planned.scenario.name, facts, plan_view(planned, reference))
+    with output_file(path) as part:
+        part.write_text(page.text(), encoding="utf-8", errors="backslashreplace")
+
+
 def save_plan(planned: PlannedScenario, reference: Reference, path: StrPath) -> None:
     """Write the reference to a waypoint file or to a folder.
 
@@ -153,7 +195,8 @@ def save_plan(planned: PlannedScenario, reference: Reference, path: StrPath) -> 
     Args:
         planned: The planned scenario.
         reference: The motion along the path.
-        path: A waypoint file, or a new folder for scenario.yaml, reference.csv and path.png.
+        path: A waypoint file, or a new folder for scenario.yaml, reference.csv, path.png
+            and path.html.
 
     Raises:
         InvalidInput: The suffix is that of another kind of file.
@@ -168,6 +211,7 @@ def save_plan(planned: PlannedScenario, reference: Reference, path: StrPath) -> 
     RunFolder(path).save_inputs(planned)
     _save_motion(planned, reference, path / "reference.csv")
     save_figure(planned, reference, path / "path.png")
+    save_plan_page(planned, reference, path / "path.html")
 
 
 def _save_motion(planned: PlannedScenario, reference: Reference, path: StrPath) -> None:

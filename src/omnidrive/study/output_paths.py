@@ -59,6 +59,16 @@ def check_figure_name(path: Path) -> None:
         raise InvalidInput(f"{one_line(str(path))}: the suffix of a figure must be .png or .svg")
 
 
+def check_page_name(path: Path) -> None:
+    """Check the suffix of a page.
+
+    Raises:
+        InvalidInput: The suffix is not .html.
+    """
+    if path.suffix.lower() != ".html":
+        raise InvalidInput(f"{one_line(str(path))}: the suffix of a page must be .html")
+
+
 def check_figure(path: StrPath) -> None:
     """Check that a figure can be written; nothing is created.
 
@@ -71,28 +81,34 @@ def check_figure(path: StrPath) -> None:
     _check_file(path)
 
 
-def check_plan_targets(out: StrPath | None, figure: StrPath | None) -> None:
-    """Check that a plan and its figure can be written; nothing is created.
+def check_plan_targets(
+    out: StrPath | None, figure: StrPath | None, page: StrPath | None = None
+) -> None:
+    """Check that a plan, its figure and its page can be written; nothing is created.
 
     Args:
         out: A waypoint file or a new folder; None: no output.
         figure: A figure, possibly in that new folder; None: no figure.
+        page: An HTML page, likewise.
 
     Raises:
         InvalidInput: A suffix is that of another kind of file.
         CannotWrite: A file or folder cannot be created, or the folder is not empty.
     """
-    out, figure = (None if path is None else to_path(path) for path in (out, figure))
+    out = None if out is None else to_path(out)
     new_folders: list[Path] = []
     if out is not None and is_waypoint_file(out):
         _check_file(out)
     elif out is not None:
         check_new_folder(out)
         new_folders = [path.absolute() for path in (out, *out.parents)]
-    if figure is not None:
-        check_figure_name(figure)
-        if figure.parent.absolute() not in new_folders:
-            _check_file(figure)
+    for target, check_name in ((figure, check_figure_name), (page, check_page_name)):
+        path = None if target is None else to_path(target)
+        if path is None:
+            continue
+        check_name(path)
+        if path.parent.absolute() not in new_folders:
+            _check_file(path)
 
 
 def check_new_file(path: StrPath, *, force: bool) -> None:

@@ -34,6 +34,7 @@ from omnidrive.study.computation.numbered_runs import series_file
 from omnidrive.study.design.definition import StudyDefinition
 from omnidrive.study.design.run_key import plan_digest
 from omnidrive.study.design.run_plan import RunPlan
+from omnidrive.study.motion_plan import plan_view, planned_duration
 from omnidrive.study.output_paths import DEFINITION_FILE
 from omnidrive.study.run_export import results_digest
 from omnidrive.study.setup_facts import controller_types, setup_facts
@@ -286,6 +287,9 @@ def study_logs(planned: PlannedScenario, runs: list[RecordedRun], repeats: int =
         },
         types=controller_types(scenario),
         repeats=repeats,
+        plan=plan_view(planned, planned.reference(planned_duration(planned)))
+        if planned.plan
+        else None,
     )
 
 

@@ -6,7 +6,7 @@ from math import ceil
 
 import matplotlib
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Affine2D
@@ -23,13 +23,13 @@ from omnidrive.evaluation.figures.style import (
     legend_above,
     new_figure,
 )
+from omnidrive.evaluation.map_cells import cell_kinds, max_pool
 from omnidrive.maps import CostMap, OccupancyGrid
 from omnidrive.planning import Path, SplinePath
 
 _ARROWS = 24  # headings along the path, at equal time intervals
 _SAMPLES = 1001  # points of a path without times
 _OUTSIDE = "#f4f5f7"
-_OCCUPIED = np.uint8(2)
 _SHADES = np.array([(255, 255, 255), (228, 231, 235), (96, 104, 114)], np.uint8)
 """Colours of free, inflated and occupied cells."""
 
@@ -199,11 +199,9 @@ def draw_map(
     """
     view = grid.extent if view is None else view
     rows, cols = _visible_cells(grid, view)
-    kinds = np.where(grid.occupied, _OCCUPIED, free_space.occupied_on(grid).view(np.uint8))[
-        rows, cols
-    ]
+    kinds = cell_kinds(grid, free_space)[rows, cols]
     k = _cells_per_pixel(axes, grid, view)
-    kinds = _max_pool(kinds, k)
+    kinds = max_pool(kinds, k)
     first = np.array([cols.start, rows.start]) * grid.resolution
     last = first + np.array(kinds.shape[::-1]) * k * grid.resolution
     axes.set_facecolor(_OUTSIDE)  # visible around a rotated map
@@ -241,14 +239,3 @@ def _cells_per_pixel(axes: Axes, grid: OccupancyGrid, view: Box) -> int:
     inches = np.array(axes.get_window_extent().size) / axes.figure.dpi
     metres_per_inch = float((np.array([right - left, top - bottom]) / inches).max())
     return max(1, ceil(metres_per_inch / DPI / grid.resolution))
-
-
-def _max_pool(kinds: UInt8[Array, "rows cols"], k: int) -> UInt8[Array, "fewer_rows fewer_cols"]:
-    """Return the maximum of every block of ``k`` x ``k`` cells; the last blocks may be smaller."""
-    if k == 1:
-        return kinds
-    rows, cols = (np.arange(0, count, k) for count in kinds.shape)
-    pooled: UInt8[Array, "fewer_rows fewer_cols"] = np.maximum.reduceat(
-        np.maximum.reduceat(kinds, rows, axis=0), cols, axis=1
-    )
-    return pooled

@@ -352,6 +352,8 @@ const Playback = (() => {
       Charts.show(min, max);
       refresh();
     });
+    MapLayers.hideAbsent("");
+    MapLayers.onReady(refresh);
     scene.resize();
     lens.scene.resize();
     choose(Study.groups[0]);

@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 import json
+from math import ceil
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int, Num
+from jaxtyping import Float, UInt8
 
 from omnidrive.arrays import Array
+from omnidrive.evaluation.map_cells import cell_kinds, max_pool
+from omnidrive.evaluation.page.columns import column
+from omnidrive.evaluation.page.plan_payload import layers_data, plan_data
 from omnidrive.evaluation.palette import ControllerStyle, controller_styles, horizon_styles
+from omnidrive.evaluation.plan_view import PlanView
 from omnidrive.evaluation.study_logs import (
     RecordedRun,
     StudyLogs,
 )
 from omnidrive.evaluation.tuning import INPUTS, tuning_signals, unit_text
 from omnidrive.maps import OccupancyGrid
+from omnidrive.planning import Path
+from omnidrive.robot import Robot
 from omnidrive.simulation import Outcome, Run
 
-_DECIMALS = 5  # 10 um, 10 us, 0.01 mm/s, 0.01 mrad/s; also gains
 _POSE_DECIMALS = 8  # 10 nm, 10 nrad: errors are differences of poses
 _TASKS = {"track": "Track", "noise": "Noise", "horizon": "Horizons"}
 _SPLINE_POINTS = 600
+_LARGEST = 1500
+"""Cells along a side of the map; larger maps are reduced."""
 
 
 def payload(logs: StudyLogs) -> str:
@@ -31,42 +39,71 @@ def payload(logs: StudyLogs) -> str:
     target poses are rounded to 1e-8, other columns to 1e-5; a value in a column that is not finite
     becomes null.
     """
+    place = _place(logs.robot, logs.obstacles, logs.free_space, logs.grid_path)
     spline = logs.spline.poses(np.linspace(0.0, 1.0, _SPLINE_POINTS))
-    data = {
-        "dt": logs.dt,
-        "robot": {
-            "bodyRadius": logs.robot.body_radius,
-            "outline": logs.robot.outline,
-            "wheelRadius": logs.robot.wheel.radius,
-            "wheels": [
-                {"x": m.x, "y": m.y, "axle": m.axle_angle, "roller": m.roller_angle}
-                for m in logs.robot.mounts
-            ],
-        },
-        "map": _map(logs.obstacles, logs.free_space),
-        "cells": [_column(logs.grid_path.poses[:, i]) if logs.grid_path else [] for i in (0, 1)],
-        "spline": [_column(spline[:, i]) for i in (0, 1)],
-        "groups": _groups(logs),
-    }
+    return _text({"dt": logs.dt} | place | _path(spline, logs.plan) | {"groups": _groups(logs)})
+
+
+def plan_payload(view: PlanView) -> str:
+    """Return the JSON data of a planned motion alone, in the form of :func:`payload`."""
+    place = _place(view.robot, view.obstacles, view.free_space, view.grid_path)
+    step = float(view.times[-1] - view.times[0]) / max(len(view.times) - 1, 1)
+    return _text({"dt": step} | place | _path(view.motion, view) | {"groups": []})
+
+
+def _text(data: dict[str, Any]) -> str:
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")
 
 
+def _path(poses: Float[Array, "points columns"], plan: PlanView | None) -> dict[str, Any]:
+    """Return the path as a polyline, and the planned motion along it, if there is one."""
+    return {
+        "spline": [column(poses[:, i]) for i in (0, 1)],
+        "plan": plan and plan_data(plan),
+        "layers": plan and layers_data(plan.costs),
+    }
+
+
+def _place(
+    robot: Robot, obstacles: OccupancyGrid, free_space: OccupancyGrid, grid_path: Path | None
+) -> dict[str, Any]:
+    """Return robot, map and the cells of the grid path."""
+    return {
+        "robot": {
+            "bodyRadius": robot.body_radius,
+            "outline": robot.outline,
+            "wheelRadius": robot.wheel.radius,
+            "wheels": [
+                {"x": m.x, "y": m.y, "axle": m.axle_angle, "roller": m.roller_angle}
+                for m in robot.mounts
+            ],
+        },
+        "map": _map(obstacles, free_space),
+        "cells": [column(grid_path.poses[:, i]) if grid_path else [] for i in (0, 1)],
+    }
+
+
 def _map(grid: OccupancyGrid, free: OccupancyGrid) -> dict[str, Any]:
-    """Return the cells, run-length encoded, bottom row first: 0 free, 1 inflated, 2 occupied."""
-    kinds = np.where(grid.occupied, 2, free.occupied_on(grid))
+    """Return the cells, run-length encoded, bottom row first: 0 free, 1 inflated, 2 occupied.
+
+    A large map is reduced: each of its cells then has the highest kind of a block of cells.
+    """
+    k = ceil(max(grid.occupied.shape) / _LARGEST)
+    kinds = max_pool(cell_kinds(grid, free), k)
     rows, cols = kinds.shape
     return {
         "rows": rows,
         "cols": cols,
-        "resolution": grid.resolution,
+        "resolution": grid.resolution * k,
         "origin": [*grid.origin, grid.yaw],
         "extent": list(grid.extent),
+        "size": [side * grid.resolution for side in grid.occupied.shape[::-1]],
         "kinds": _run_lengths(kinds.ravel()),
     }
 
 
-def _run_lengths(kinds: Int[Array, " cells"]) -> list[int]:
+def _run_lengths(kinds: UInt8[Array, " cells"]) -> list[int]:
     """Encode as kind, length, kind, length, ..."""
     starts = np.concatenate([[0], np.flatnonzero(np.diff(kinds)) + 1])
     lengths = np.diff(np.append(starts, len(kinds)))
@@ -116,8 +153,8 @@ def _group(
         "id": identifier,
         "label": label,
         "onMap": identifier != "step",
-        "t": _column(longest.t),
-        "target": [_column(longest.target[:, i], _POSE_DECIMALS) for i in range(3)],
+        "t": column(longest.t),
+        "target": [column(longest.target[:, i], _POSE_DECIMALS) for i in range(3)],
         "tuning": _quantities(runs),
         "runs": encoded,
     }
@@ -153,16 +190,11 @@ def _run(run: Run, label: str, short: str, style: ControllerStyle) -> dict[str, 
         "short": short,
         "ink": list(style.colour),
         "dash": list(style.dash),
-        "pose": [_column(run.pose[:, i], _POSE_DECIMALS) for i in range(3)],
-        "measured": [_column(run.measured[:, i]) for i in (0, 1)] if is_shown else None,
-        "speed": _column(speed),
-        "yawRate": _column(twist[:, 2]),
-        "tuning": {f"{each.quantity} {each.channel}": _column(each.values)
+        "pose": [column(run.pose[:, i], _POSE_DECIMALS) for i in range(3)],
+        "measured": [column(run.measured[:, i]) for i in (0, 1)] if is_shown else None,
+        "speed": column(speed),
+        "yawRate": column(twist[:, 2]),
+        "tuning": {f"{each.quantity} {each.channel}": column(each.values)
                    for each in tuning_signals(run)},
         "ended": None if run.outcome is Outcome.FINISHED else run.ending,
     }  # fmt: skip
-
-
-def _column(values: Num[Array, " rows"], decimals: int = _DECIMALS) -> list[float | None]:
-    rounded: list[float] = (np.round(values.astype(float), decimals) + 0.0).tolist()
-    return [v if np.isfinite(v) else None for v in rounded]

@@ -26,9 +26,10 @@ from omnidrive.evaluation.tables.table import Table
 from omnidrive.evaluation.verdict import TaskVerdict
 
 _PLAYER_SCRIPTS = (
-    "vendor/uPlot.iife.min.js", "study.js", "camera.js", "scene.js", "lens.js", "charts.js",
-    "page.js",
+    "vendor/uPlot.iife.min.js", "study.js", "camera.js", "map_layers.js", "scene.js", "lens.js",
+    "charts.js", "page.js",
 )  # fmt: skip
+_PLAN_SCRIPTS = ("plan_chart.js", "plan.js")
 
 _FIXED = (
     "<p><strong>Brackets</strong> are 95 % confidence intervals of a mean over the repetitions: "
@@ -65,6 +66,7 @@ class StudyPage(NamedTuple):
 
     def text(self) -> str:
         """Return the HTML; its content security policy permits only its own scripts."""
+        has_plan = bool(self.logs and self.logs.plan)
         facts, logs, is_tested = self.facts, self.logs, has_evidence(self.study, self.verdicts)
         lead = next((table.lead for table in self.tables if table.title == "Verdict"), "")
         shown = [replace(t.compact, lead="") if t.compact else t for t in self.tables]
@@ -80,6 +82,7 @@ class StudyPage(NamedTuple):
             "partial": self._partial(),
             "verdict": verdict_markup(self.verdicts, lead) if lead else "",
             "player": read_parts(("player.html",))[0] if logs else "",
+            "plan": read_parts(("plan.html",))[0] if has_plan else "",
             "setup": fill_template("setup.html", {"setup": items_markup(facts.setup)})
             if facts.setup else "",
             "figures": figures_markup(self.figures),
@@ -90,7 +93,8 @@ class StudyPage(NamedTuple):
             if logs else "",
         }  # fmt: skip
         styles = read_parts((*(["vendor/uPlot.min.css"] if logs else []), "page.css"))
-        scripts = read_parts(_PLAYER_SCRIPTS if logs else ("theme_button.js",))
+        player = (*_PLAYER_SCRIPTS, *(_PLAN_SCRIPTS if has_plan else ()))
+        scripts = read_parts(player if logs else ("theme_button.js",))
         return document("report.html", parts, [*styles, _swatch_style(self.styles)], scripts)
 
     def _size(self) -> dict[str, str]:

@@ -5,7 +5,7 @@ class Scene {
     this.canvas = canvas;
     this.camera = camera;
     this.ctx = canvas.getContext("2d");
-    this.layers = { cells: true, inflated: true, trails: true, measured: true };
+    this.layers = { costs: true, zones: true, cells: true, inflated: true, trails: true, measured: true };
     this.recolour();
   }
 
@@ -19,9 +19,10 @@ class Scene {
   }
 
   recolour() {
-    const names = ["ground", "inflated", "obstacle", "outside", "grid", "ink", "muted", "panel"];
+    const names = ["ground", "inflated", "obstacle", "outside", "grid", "ink", "muted", "panel", "accent", "lane"];
     this.colours = Object.fromEntries(names.map((name) => [name, Theme.colour(name)]));
     this.picture = null; // rendered on the next draw
+    this.overlays = null;
   }
 
   /* Render the map with one pixel per cell, top row first. */
@@ -48,13 +49,7 @@ class Scene {
   }
 
   draw(group, row, hovered) {
-    const { ctx, camera } = this;
-    ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
-    ctx.fillStyle = group.onMap ? this.colours.outside : this.colours.ground;
-    ctx.fillRect(0, 0, camera.width, camera.height);
-    if (group.onMap) this.drawMap();
-    this.drawGrid();
-    if (group.onMap) this.drawPath();
+    this.drawGround(group.onMap);
     const shown = group.runs.filter((run) => run.visible);
     for (const run of shown) {
       if (run.measured && this.layers.measured) this.drawMeasured(run, row);
@@ -65,21 +60,72 @@ class Scene {
     this.drawScale();
   }
 
+  /* Everything below the robots. */
+  drawGround(onMap) {
+    const { ctx, camera } = this;
+    ctx.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    ctx.fillStyle = onMap ? this.colours.outside : this.colours.ground;
+    ctx.fillRect(0, 0, camera.width, camera.height);
+    if (onMap) this.drawMap();
+    this.drawGrid();
+    if (onMap) this.drawPath();
+  }
+
   drawMap() {
     const { ctx, camera } = this;
     this.picture ??= this.paintMap();
-    const { rows, cols, resolution, x, y, yaw } = Study.map;
-    const side = resolution * camera.scale;
-    const box = [0, -rows * side, cols * side, rows * side];
+    const { rows, cols, resolution, size, x, y, yaw } = Study.map;
+    const { scale } = camera;
+    const box = [0, -size[1] * scale, size[0] * scale, size[1] * scale];
+    const side = resolution * scale;
     ctx.save();
     ctx.translate(...camera.toScreen(x, y));
     ctx.rotate(-yaw); // the screen's y axis points down
     ctx.imageSmoothingEnabled = false;
-    ctx.drawImage(this.picture, ...box);
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(...box); // the last cells of a reduced map reach beyond it
+    ctx.clip();
+    ctx.drawImage(this.picture, 0, -rows * side, cols * side, rows * side);
+    if (MapLayers.ready()) this.drawOverlays();
+    ctx.restore();
     ctx.strokeStyle = this.colours.obstacle;
     ctx.lineWidth = 1;
     ctx.strokeRect(...box);
     ctx.restore();
+    if (MapLayers.ready() && this.layers.zones) this.drawLanes();
+  }
+
+  /* Costs and zones, in the frame of the map. */
+  drawOverlays() {
+    const { ctx, camera } = this;
+    this.overlays ??= MapLayers.pictures();
+    const [width, height] = MapLayers.size().map((length) => length * camera.scale);
+    for (const name of ["costs", "zones"]) {
+      if (this.layers[name] && this.overlays[name]) ctx.drawImage(this.overlays[name], 0, -height, width, height);
+    }
+  }
+
+  /* Arrows along the lanes, on a grid of the world at least 24 px wide. */
+  drawLanes() {
+    if (!Study.layers.lanes) return;
+    const { ctx, camera } = this;
+    const step = Scene.round(24 / camera.scale);
+    const [left, top] = camera.toWorld(0, 0);
+    const [right, bottom] = camera.toWorld(camera.width, camera.height);
+    ctx.strokeStyle = ctx.fillStyle = this.colours.lane;
+    for (let x = Math.ceil(left / step) * step; x < right; x += step) {
+      for (let y = Math.ceil(bottom / step) * step; y < top; y += step) {
+        const heading = MapLayers.lane(x, y);
+        if (Number.isNaN(heading)) continue;
+        ctx.save();
+        ctx.translate(...camera.toScreen(x, y));
+        ctx.rotate(-heading);
+        ctx.translate(-9, 0);
+        this.drawArrow(18, 1.5);
+        ctx.restore();
+      }
+    }
   }
 
   /* Grid lines at round coordinates, at least 70 px apart. */
@@ -156,9 +202,10 @@ class Scene {
     if (this.layers.cells) {
       ctx.fillStyle = this.colours.muted;
       const [xs, ys] = Study.cells;
+      const side = Math.min(Math.max(0.5 * Study.map.resolution * camera.scale, 1.5), 4);
       xs.forEach((x, k) => {
         const [px, py] = camera.toScreen(x, ys[k]);
-        ctx.fillRect(px - 2, py - 2, 4, 4);
+        ctx.fillRect(px - 0.5 * side, py - 0.5 * side, side, side);
       });
     }
     ctx.strokeStyle = this.colours.ink;
@@ -290,10 +337,10 @@ class Scene {
     ctx.restore();
   }
 
-  drawArrow(length) {
+  drawArrow(length, width = 2.5) {
     const { ctx } = this;
     const head = Math.min(0.35 * length, 11);
-    ctx.lineWidth = 2.5;
+    ctx.lineWidth = width;
     ctx.beginPath();
     ctx.moveTo(0, 0);
     ctx.lineTo(length - 0.8 * head, 0);
@@ -304,7 +351,7 @@ class Scene {
     ctx.lineTo(length - head, -0.55 * head);
     ctx.fill();
     ctx.beginPath();
-    ctx.arc(0, 0, 3, 0, 2 * Math.PI);
+    ctx.arc(0, 0, 1.2 * width, 0, 2 * Math.PI);
     ctx.fill();
   }
 

@@ -73,12 +73,15 @@ const Study = (() => {
     }
     const [x, y, yaw] = map.origin;
     const [left, right, bottom, top] = map.extent;
-    return { rows: map.rows, cols: map.cols, resolution: map.resolution, kinds, x, y, yaw, left, right, bottom, top };
+    return { rows: map.rows, cols: map.cols, resolution: map.resolution, size: map.size, kinds, x, y, yaw, left, right, bottom, top };
   }
+
+  const decodePlan = (plan) => plan && Object.fromEntries(Object.entries(plan).map(([name, column]) => [name, numbers(column)]));
 
   return {
     dt: raw.dt, robot: raw.robot, map: decodeMap(raw.map), wrap, text,
     cells: raw.cells.map(numbers), spline: raw.spline.map(numbers),
+    plan: decodePlan(raw.plan), layers: raw.layers,
     groups: raw.groups.map(decodeGroup),
   };
 })();
