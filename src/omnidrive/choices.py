@@ -15,15 +15,17 @@ TaskName = Literal["track", "noise", "step", "horizon", "faults"]
 TimingName = Literal["uniform", "limits", "minimum-time"]
 """Laws of the timing along a path."""
 Heading = Literal[
-    "path", "tangent", "fixed", "face", "goal-first", "goal-last", "fastest", "free"
+    "path", "tangent", "strafe-least", "fixed", "face", "goal-first", "goal-last", "fastest",
+    "free",
 ]  # fmt: skip
 """Headings of a motion along a path.
 
-``path``: those of the path; ``tangent``: the direction of travel; ``fixed``: one heading; ``face``:
-toward a point; ``goal-first``, ``goal-last``: from the heading of the start to that of the goal
-within a metre of the start or the goal; ``fastest``: the angle to the direction of travel (steps of
-15 degrees), the tangent, the path's headings or a fixed one, whichever takes the shortest time;
-``free``: optimised for time.
+``path``: those of the path; ``tangent``: the direction of travel; ``strafe-least``: near the
+direction of travel, with smooth turns to the headings of the ends; ``fixed``: one heading;
+``face``: toward a point; ``goal-first``, ``goal-last``: from the heading of the start to that of
+the goal within a metre of the start or the goal; ``fastest``: the angle to the direction of travel
+(steps of 15 degrees), the tangent, the path's headings or a fixed one, whichever takes the
+shortest time; ``free``: optimised for time.
 """
 
 TableHeading = Literal["tangent", "fixed"]

@@ -153,11 +153,12 @@ def test_bad_costs_are_refused(capsys, room, tmp_path, monkeypatch, words, messa
 
 def test_headings_of_the_command(capsys, room, tmp_path):
     found = {}
-    for heading in ("path", "fastest", "goal-first", "goal-last", "face:3,2"):
+    for heading in ("path", "fastest", "goal-first", "goal-last", "strafe-least", "face:3,2"):
         out = tmp_path / heading.partition(":")[0]
         plan(capsys, *room, "--heading", heading, "--out", out)
         found[heading] = load_waypoints(out / "reference.csv")
     assert found["fastest"].duration <= found["path"].duration + 0.1
+    assert found["strafe-least"].at(1e9).pose.yaw == pytest.approx(1.5, abs=1e-6)
     late, early = (found[f"goal-{end}"].at(2.0).pose.yaw for end in ("last", "first"))
     assert early == pytest.approx(1.5, abs=0.01)
     assert abs(late - 1.5) > 0.1

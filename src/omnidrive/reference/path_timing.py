@@ -16,6 +16,7 @@ from omnidrive.reference.free_heading import free_heading
 from omnidrive.reference.heading_policies import facing, fast_candidates, turning_once
 from omnidrive.reference.initial_headings import check_end_headings
 from omnidrive.reference.jerk_timing import fastest_reference
+from omnidrive.reference.least_strafing import least_strafing
 from omnidrive.reference.limits import LimitRows, MotionLimits, jerk_rows, limit_rows
 from omnidrive.reference.piecewise_path import FixedHeading, PiecewisePath
 from omnidrive.reference.reference import Reference
@@ -112,6 +113,8 @@ def _with_heading(  # noqa: PLR0917
         if target is None:
             raise InvalidInput("heading 'face' needs a target (x, y) in m")
         path = facing(path, target, *ends)
+    elif heading == "strafe-least":
+        path = least_strafing(path, *ends)
     elif heading in {"goal-first", "goal-last"}:
         path = turning_once(path, *ends, early=heading == "goal-first")
     elif heading in {"tangent", "fixed"}:

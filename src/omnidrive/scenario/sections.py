@@ -144,11 +144,12 @@ class TimingSection(Section):
     headings optimised for time (needs the extra `casadi`)."""
     heading: Heading = "path"
     """Heading with the law `limits`. `path`: headings of the planned path; `tangent`: direction of
-    motion; `fixed`: heading of the start; `face`: toward the point ``target``; `goal-first`,
-    `goal-last`: turn from the heading of the start to that of the goal within a metre of the start
-    or the goal; `fastest`: the constant angle to the direction of motion with the shortest
-    duration, because the top speed of an omni robot depends on the direction; `free`: optimised for
-    time (needs the extra `casadi`)."""
+    motion; `strafe-least`: as near to it as smooth turns from the heading of the start and to that
+    of the goal allow; `fixed`: heading of the start; `face`: toward the point ``target``;
+    `goal-first`, `goal-last`: turn from the heading of the start to that of the goal within a metre
+    of the start or the goal; `fastest`: the constant angle to the direction of motion with the
+    shortest duration, because the top speed of an omni robot depends on the direction; `free`:
+    optimised for time (needs the extra `casadi`)."""
     target: tuple[_Coordinate, _Coordinate] | None = None
     """Point (x, y) in W that the robot faces with the heading `face`, m."""
     traction: Annotated[float, Bounds(0.01, 100.0, "1")] = force_share.REFERENCES
