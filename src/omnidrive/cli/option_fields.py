@@ -76,6 +76,13 @@ class OptionFields:
             PATH_PANEL,
         ),
     ] = None
+    max_curvature: Annotated[
+        float | None, option("1/M", "Largest curvature of the path, 1/m.", PATH_PANEL)
+    ] = None
+    max_curvature_rate: Annotated[
+        float | None,
+        option("1/M^2", "Largest change of the curvature with the distance, 1/m^2.", PATH_PANEL),
+    ] = None
     max_jerk: Annotated[
         float | None,
         option(

@@ -20,14 +20,16 @@ from omnidrive.errors import InvalidInput
 
 _COST_OPTIONS = ("keepout", "speed_mask", "cost_radius", "cost_scaling", "cost_weight")
 _PATH_OPTIONS = (
-    "goal", "search", "cut_corners", "smooth", "timing", "heading", "max_jerk", *_COST_OPTIONS
+    "goal", "search", "cut_corners", "smooth", "timing", "heading", "max_jerk",
+    "max_curvature", "max_curvature_rate", *_COST_OPTIONS
 )  # fmt: skip
 """Options for planned paths only."""
 _KEYS = {
     "search": "path.search", "cut_corners": "path.cut_corners", "smooth": "path.smooth",
     "timing": "timing.law", "heading": "timing.heading", "margin": "map.margin",
     "unknown": "map.unknown", "resolution": "map.resolution", "max_speed": "timing.max_speed",
-    "max_jerk": "timing.max_jerk",
+    "max_jerk": "timing.max_jerk", "max_curvature": "path.max_curvature",
+    "max_curvature_rate": "path.max_curvature_rate",
     "keepout": "costs.keepout", "speed_mask": "costs.speed", "cost_radius": "costs.radius",
     "cost_scaling": "costs.scaling", "cost_weight": "costs.weight",
 }  # fmt: skip

@@ -12,6 +12,7 @@ from scipy.interpolate import BSpline
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.maps import OccupancyGrid
+from omnidrive.planning.curvature import max_curvature_rate
 from omnidrive.planning.path_clearance import clearance_bounds
 from omnidrive.planning.pieces import pieces
 from omnidrive.planning.spline_bounds import STANDSTILL, curvature_bounds, length_bounds
@@ -104,6 +105,11 @@ class SplinePath:
         0.1 %, or by the curvature of a turn of 0.001 rad over the whole path.
         """
         return curvature_bounds(pieces(self.control_points[:, :2]), 1e-3)
+
+    @cached_property
+    def max_curvature_rate(self) -> float:
+        """Greatest magnitude of the derivative of :meth:`curvature` with the arc length, 1/m^2."""
+        return max_curvature_rate(pieces(self.control_points[:, :2]))
 
     def clearance(self, grid: OccupancyGrid, tolerance: float = 1e-3) -> tuple[float, float]:
         """Return proved bounds on the least distance in m from the path to an occupied cell.

@@ -15,6 +15,7 @@ from omnidrive.parameter import Bounds, check_choice
 from omnidrive.planning.drawing import path_svg
 from omnidrive.planning.path import Path, SplinePath
 from omnidrive.planning.search import SearchResult
+from omnidrive.planning.smoothing.fairing import NO_LIMITS, CurvatureLimits
 
 PlanStatus = Literal["complete", "not smoothed", "not optimal"]
 """How far a plan with a time limit got."""
@@ -48,9 +49,13 @@ class PathOptions:
         turn_within: Distance over which the heading turns from that of the start to the direction
             of the path, and from there to that of the goal, in m; 0 turns between two control
             points.
+        max_curvature: Largest curvature of a certified path, 1/m; None: no limit.
+        max_curvature_rate: Largest change of the curvature with the distance, 1/m^2; None: no
+            limit.
 
     Raises:
-        InvalidInput: A name is unknown, or ``smooth`` is certified and ``cut_corners`` is true.
+        InvalidInput: A name is unknown, ``smooth`` is certified and ``cut_corners`` is true, or the
+            curvature is limited and ``smooth`` is not certified.
     """
 
     search: MethodName = "astar"
@@ -58,6 +63,8 @@ class PathOptions:
     cut_corners: bool = False
     smooth: SmoothingName = "certified"
     turn_within: Annotated[float, Bounds(0.0, 10.0, "m")] = 1.0
+    max_curvature: Annotated[float, Bounds(0.001, 1e4, "1/m")] | None = None
+    max_curvature_rate: Annotated[float, Bounds(0.001, 1e6, "1/m^2")] | None = None
 
     def __post_init__(self) -> None:
         check_choice("search method", self.search, get_args(MethodName))
@@ -69,6 +76,13 @@ class PathOptions:
                 "cannot be certified if it cuts corners, because it then touches obstacles; use "
                 "smooth: spline or cut_corners: false"
             )
+        if self.curvature_limits != NO_LIMITS and self.smooth != "certified":
+            raise InvalidInput("limits of the curvature need smooth: certified")
+
+    @property
+    def curvature_limits(self) -> CurvatureLimits:
+        """Limits of the curvature, 1/m and 1/m^2."""
+        return CurvatureLimits(self.max_curvature or np.inf, self.max_curvature_rate or np.inf)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -70,7 +70,7 @@ def plan(
         InvalidInput: The inflation is negative or not finite, a heading seems to be in degrees, or
             the costs have another size than the grid.
         InvalidWaypoint: Start or goal is not numeric, or the robot collides there.
-        NoPathFound: There is no path between them.
+        NoPathFound: There is no path between them, or none within the limits of the curvature.
     """
     planner = Planner(
         grid, inflation=inflation, options=options, inflation_note=inflation_note,
@@ -286,6 +286,7 @@ class Planner:
             yaws=(start.yaw, goal.yaw),
             turn_within=options.turn_within,
             costs=self.costs.costs if searcher.has_costs and self.costs else NO_COSTS,
+            limits=options.curvature_limits,
             obstacles=self._obstacles,
             is_over=None if deadline is None else deadline.ends_smoothing(tail),
         )

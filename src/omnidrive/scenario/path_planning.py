@@ -66,6 +66,10 @@ def _polygon_plan(
     """Return the plan of the polygon; ``reason``: why the disc has none."""
     assert scenario.start is not None
     assert scenario.goal is not None
+    if scenario.path.max_curvature or scenario.path.max_curvature_rate:
+        raise NoPathFound(
+            f"limits of the curvature hold for the disc about the robot only, and {reason}"
+        )
     if costs is not None:
         obstacles = replace(obstacles, occupied=obstacles.occupied | costs.kept_out)
         reason += "; of the costs only keep-out masks and speed zones apply to the polygon"

@@ -66,6 +66,7 @@ def plan_facts(planned: PlannedScenario, reference: Reference) -> dict[str, Fact
     if isinstance(path, SplinePath):
         attained, proved = path.max_curvature
         facts["largest curvature"] = Fact(attained if np.isinf(proved) else proved, "1/m")
+        facts["its largest rate"] = Fact(path.max_curvature_rate, "1/m^2")
         facts["timing"] = Fact(planned.scenario.timing.law)
     facts |= {
         "shortest duration": Fact(planned.shortest, "s"),

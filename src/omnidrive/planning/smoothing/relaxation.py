@@ -1,4 +1,4 @@
-"""Relaxation of a spline's control points toward low curvature with a proved clearance."""
+"""Coordinate descent on a spline's control points with a proved clearance."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from omnidrive.planning.clearance import Obstacles, Piece, piece_at, piece_clear
 from omnidrive.planning.pieces import KnotWeights, knot_weights
 from omnidrive.planning.smoothing.initial_spline import TOLERANCE, InitialSpline
 
-_STRIDES = (16, 8, 4, 2, 1)  # distances between the centres of consecutive moves, in control points
-_CYCLES = 10  # over all strides; more cycles hardly lower the curvature
+STRIDES, WIDE_STRIDES = (16, 8, 4, 2, 1), (64, 32, 16, 8, 4, 2, 1)
+"""Distances between the centres of consecutive moves, in control points."""
 _SMALLEST = 1e-4  # cells; shorter moves are skipped
 _STEP_FRACTIONS = (1.0, 0.35, 0.12)  # of the best step, tried in turn
-_PART = 12 * _STRIDES[0]  # control points between two looks at the clock
+_PART = 12 * STRIDES[0]  # control points between two looks at the clock
 _SAMPLES = 4  # points of a piece at which its cost is evaluated
 _AROUND = 8  # pieces on both sides over which the costs of the initial spline are averaged
 COST_TOLERANCE = (0.15, 0.05)
@@ -39,58 +39,89 @@ class _Spline(NamedTuple):
     """Cost of each cell; empty without costs."""
     cost_limits: Float[Array, " pieces"]
     """Largest mean cost of each piece."""
+    second_weights: Float[Array, " knots"]
+    """Weights of the squared second derivatives at the knots in the sum."""
+    third_weights: Float[Array, " pieces"]
+    """Weights of the squared third derivatives of the pieces; empty: none of them counts."""
 
 
-def relax(
-    obstacles: Obstacles,
-    start: InitialSpline,
-    costs: Float32[Array, "rows cols"],
-    is_over: Callable[[], bool] | None = None,
-) -> tuple[Float[Array, "points 2"], bool]:
-    """Return the control points (cells) of a smoother spline with the clearances of ``start``.
+class Relaxation:
+    """Coordinate descent on a spline that keeps its proved clearance.
 
-    Coordinate descent on the sum of the squared second derivatives at the knots: each move shifts a
-    window of neighbouring control points to the minimum along its direction, or a fraction of it,
-    wide windows first. A move is accepted only if every piece that it changes is proved to keep its
-    clearance. The sum is therefore non-increasing, and the proof holds for the whole curve after
-    every move. The end points are fixed.
+    It lowers the weighted sum of the squared second derivatives at the knots, and of the squared
+    third derivatives of the pieces if they have weights: each move shifts a window of neighbouring
+    control points to the minimum along its direction, or a fraction of it, wide windows first. A
+    move is accepted only if every piece that it changes is proved to keep its clearance. The sum is
+    therefore non-increasing, and the proof holds for the whole curve after every move. The end
+    points are fixed.
 
-    With ``costs`` a move is also rejected if it raises the mean cost of a piece above that of the
+    With costs a move is also rejected if it raises the mean cost of a piece above that of the
     initial spline around it by more than :data:`COST_TOLERANCE`: the path keeps to the cells of low
     cost that the search has chosen.
 
-    Returns the control points, and whether the relaxation ended before ``is_over``, which is called
-    every few hundred moves: the spline is certified after each.
+    Args:
+        obstacles: Occupied cells.
+        start: Initial spline.
+        costs: Cost of each cell; empty: none.
+        strides: Distances between the centres of consecutive moves, in control points.
     """
-    count = len(start.control_points)
-    spline = _Spline(
-        start.control_points.copy(),
-        np.empty((count - 2, 2)),
-        np.empty((count - 2, 2)),
-        knot_weights(count),
-        start.clearances,
-        costs,
-        np.empty(count - 3),
-    )
-    _update(spline, 0, count - 3)
-    if costs.size > 0:
-        _set_cost_limits(spline)
-    strides = [stride for stride in _STRIDES if 4 * stride <= count or stride == 1]
-    move_weights = {stride: move_weights_of(stride) for stride in strides}
-    for cycle in range(_CYCLES):
-        accepted = 0
-        for stride in strides:
-            part = count - 2 if is_over is None else _PART
-            for first in range(1, count - 1, part):
-                if is_over is not None and is_over():
-                    return spline.control_points, False
-                accepted += _sweep(
-                    spline, obstacles, move_weights[stride], stride, cycle % 2 == 1,
-                    first, min(first + part, count - 1),
-                )  # fmt: skip
-        if accepted == 0:
-            break
-    return spline.control_points, True
+
+    def __init__(
+        self,
+        obstacles: Obstacles,
+        start: InitialSpline,
+        costs: Float32[Array, "rows cols"],
+        strides: tuple[int, ...],
+    ) -> None:
+        count = len(start.control_points)
+        self._obstacles = obstacles
+        self._spline = _Spline(
+            start.control_points.copy(),
+            np.empty((count - 2, 2)),
+            np.empty((count - 2, 2)),
+            knot_weights(count),
+            start.clearances,
+            costs,
+            np.empty(count - 3),
+            np.ones(count - 2),
+            np.empty(0),
+        )
+        _update(self._spline, 0, count - 3)
+        if costs.size > 0:
+            _set_cost_limits(self._spline)
+        strides = tuple(stride for stride in strides if 4 * stride <= count or stride == 1)
+        self._moves = {stride: move_weights_of(stride) for stride in strides}
+
+    @property
+    def control_points(self) -> Float[Array, "points 2"]:
+        """Control points so far, in cells."""
+        return self._spline.control_points
+
+    def set_weights(self, second: Float[Array, " knots"], third: Float[Array, " pieces"]) -> None:
+        """Set the weights of the squared second and third derivatives."""
+        self._spline = self._spline._replace(second_weights=second, third_weights=third)
+
+    def run(self, cycles: int, is_over: Callable[[], bool] | None = None) -> bool:
+        """Try up to ``cycles`` moves about each control point with each stride.
+
+        Returns whether it ended before ``is_over``, which is called every few hundred moves: the
+        spline is certified after each.
+        """
+        count = len(self.control_points)
+        for cycle in range(cycles):
+            accepted = 0
+            for stride, weights in self._moves.items():
+                part = count - 2 if is_over is None else _PART
+                for first in range(1, count - 1, part):
+                    if is_over is not None and is_over():
+                        return False
+                    accepted += _sweep(
+                        self._spline, self._obstacles, weights, stride, cycle % 2 == 1,
+                        first, min(first + part, count - 1),
+                    )  # fmt: skip
+            if accepted == 0:
+                break
+        return True
 
 
 def move_weights_of(stride: int) -> Float[Array, " window"]:
@@ -162,12 +193,20 @@ def _best_step(
         last: Last control point that moves.
         left: Control point of the first weight.
     """
-    square = x = y = 0.0
-    for j in range(max(first - 2, 0), min(last + 1, len(spline.second_derivatives))):
+    second, thirds = spline.second_derivatives, spline.third_weights
+    square = x = y = before = 0.0
+    for j in range(max(first - 2, 0), min(last + 1, len(second))):
         change = second_derivative_change(spline.weights, move_weights, j, first, last, left)
-        square += change * change
-        x -= change * spline.second_derivatives[j, 0]
-        y -= change * spline.second_derivatives[j, 1]
+        weighted = spline.second_weights[j] * change
+        square += weighted * change
+        x -= weighted * second[j, 0]
+        y -= weighted * second[j, 1]
+        if thirds.size > 0 and j > 0:
+            weighted = thirds[j - 1] * (change - before)
+            square += weighted * (change - before)
+            x -= weighted * (second[j, 0] - second[j - 1, 0])
+            y -= weighted * (second[j, 1] - second[j - 1, 1])
+        before = change
     return (x / square, y / square) if square > 0.0 else (0.0, 0.0)
 
 

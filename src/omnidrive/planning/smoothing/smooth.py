@@ -11,19 +11,20 @@ from jaxtyping import Float, Float32
 
 from omnidrive.arrays import Array
 from omnidrive.choices import SmoothingName
-from omnidrive.errors import InvalidInput
+from omnidrive.errors import InvalidInput, NoPathFound
 from omnidrive.maps import OccupancyGrid
 from omnidrive.parameter import check_choice
 from omnidrive.planning.clearance import Obstacles, curve_clearance
+from omnidrive.planning.curvature import curvature_peaks
 from omnidrive.planning.grid_frame import GridFrame
 from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import SplinePath
 from omnidrive.planning.pieces import pieces
 from omnidrive.planning.polyline import resample
+from omnidrive.planning.smoothing.fairing import NO_LIMITS, CurvatureLimits, fair_spline
 from omnidrive.planning.smoothing.grid_path_spline import along_grid_path
 from omnidrive.planning.smoothing.initial_spline import certified_initial_spline
 from omnidrive.planning.smoothing.polygon import free_polygon
-from omnidrive.planning.smoothing.relaxation import relax
 
 _MIN_CLEARANCE = 1e-6  # cells; required of the curved parts of a certified path
 _TOLERANCE = 1e-3  # cells; of the proved clearance
@@ -56,6 +57,7 @@ def smooth(
     yaws: tuple[float | None, float | None] = (None, None),
     turn_within: float = 1.0,
     costs: Float32[Array, "rows cols"] = NO_COSTS,
+    limits: CurvatureLimits = NO_LIMITS,
     obstacles: Obstacles | None = None,
     is_over: Callable[[], bool] | None = None,
 ) -> SmoothedPath:
@@ -79,12 +81,15 @@ def smooth(
         turn_within: Distance from each end over which the heading is blended from the given heading
             to the direction of the path, in m.
         costs: Cost of each cell of ``grid``: a certified path keeps to cells whose mean cost is at
-            most that along the grid path plus 15 percent of ``1 + cost`` and 0.05. Empty: no costs.
+            most that along the grid path plus 15 percent of ``1 + cost`` and 0.05; its curvature
+            changes evenly. Empty: no costs.
+        limits: Limits of the curvature of a certified path, in 1/m, and of its rate, in 1/m^2.
         obstacles: The occupied cells of ``grid``, if they are known.
         is_over: Whether the time for the smoothing is over. A certified path is then that of the
             moves so far or, before the first one, a spline along the grid path.
 
     Raises:
+        NoPathFound: No certified path within the limits of the curvature was found.
         InvalidInput: The method is unknown, there is no point, a point is not finite, the polygon
             enters an obstacle (certified only), or ``clearance`` is negative or not finite.
     """
@@ -96,7 +101,8 @@ def smooth(
         )
     if not (np.isfinite(clearance) and clearance >= 0.0):
         raise InvalidInput(f"the clearance must be 0 m or more, got {clearance:g} m")
-    problem = _Problem(grid, points, clearance, costs, obstacles or Obstacles.of(grid), is_over)
+    obstacles = obstacles or Obstacles.of(grid)
+    problem = _Problem(grid, points, clearance, costs, limits, obstacles, is_over)
     control_points, proved, is_complete = _METHODS[method](problem)
     path = SplinePath(with_headings(control_points, *yaws, turn_within))
     proved = path.clearance(grid)[0] if proved is None else proved
@@ -110,6 +116,7 @@ class _Problem(NamedTuple):
     points: Float[Array, "points 2"]
     clearance: float
     costs: Float32[Array, "rows cols"]
+    limits: CurvatureLimits
     obstacles: Obstacles
     is_over: Callable[[], bool] | None
 
@@ -126,22 +133,25 @@ def _plain(problem: _Problem) -> _Smoothed:
 
 def _certified(problem: _Problem) -> _Smoothed:
     """Return the control points of a relaxed spline, and its proved clearance in m."""
-    grid, points, clearance, costs, obstacles, is_over = problem
+    grid, points, clearance, costs, limits, obstacles, is_over = problem
     frame = GridFrame.of(grid)
     if not np.ptp(points, axis=0).any():  # the robot turns on the spot
         return np.repeat(points[:1], 4, axis=0), float(grid.clearance(points[:1])[0]), True
     if is_over is not None and is_over():
-        return along_grid_path(obstacles, frame, points)
+        return _unsmoothed(problem, frame)
     # rounded, so that the result does not depend on the pose of the grid in W
     polygon = free_polygon(obstacles, frame.cells(points).round(_DIGITS), frame)
     if is_over is not None and is_over():
-        return along_grid_path(obstacles, frame, points)
+        return _unsmoothed(problem, frame)
     start = certified_initial_spline(
         obstacles, polygon, max(clearance / frame.resolution, _MIN_CLEARANCE), is_over
     )
     if start is None:
-        return along_grid_path(obstacles, frame, points)
-    cells, is_complete = relax(obstacles, start, costs, is_over)
+        return _unsmoothed(problem, frame)
+    fair = fair_spline(obstacles, start, costs, limits.scaled(frame.resolution), is_over)
+    if not fair.is_within:
+        raise NoPathFound(_exceeded(frame, fair.control_points, limits))
+    cells, is_complete = fair.control_points, fair.is_complete
     curve = pieces(cells)
     # the clearance proved during the relaxation, or that of the final curve if greater
     proved = float(start.clearances.min())
@@ -153,6 +163,31 @@ def _certified(problem: _Problem) -> _Smoothed:
     control_points[0], control_points[-1] = points[0], points[-1]
     proved = max(proved - frame.rounding, min(proved, 0.0)) * frame.resolution
     return control_points, proved, is_complete
+
+
+def _unsmoothed(problem: _Problem, frame: GridFrame) -> _Smoothed:
+    """Return the path along the grid, where the time for the smoothing is over."""
+    if problem.limits != NO_LIMITS:
+        raise NoPathFound("no path within the limits of the curvature was found in time")
+    return along_grid_path(problem.obstacles, frame, problem.points)
+
+
+def _exceeded(frame: GridFrame, cells: Float[Array, "points 2"], limits: CurvatureLimits) -> str:
+    """Return the message on a path that exceeds limits of the curvature."""
+    bend, change = curvature_peaks(pieces(cells))
+    bend, change = bend / frame.resolution, change / frame.resolution**2
+    piece = int(np.argmax(np.maximum(bend / limits.curvature, change / limits.rate)))
+    x, y = frame.world(pieces(cells).positions)[piece]
+    allowed = [
+        f"{limit:g} {unit}"
+        for limit, unit in zip(limits, ("1/m", "1/m^2"), strict=True)
+        if np.isfinite(limit)
+    ]
+    return (
+        f"no path with a curvature within {' and '.join(allowed)} was found: the best one has "
+        f"{bend[piece]:.3g} 1/m and {change[piece]:.3g} 1/m^2 at ({x:.2f}, {y:.2f}) m; raise the "
+        "limits, or lower the margin"
+    )
 
 
 _METHODS = {"spline": _plain, "certified": _certified}
