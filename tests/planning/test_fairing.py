@@ -118,5 +118,5 @@ def test_limits_need_a_certified_path():
 def test_no_time_to_keep_limits():
     planner = Planner(blocks(2), inflation=0.1, options=PathOptions(max_curvature=2.0))
     ticks = iter(np.arange(0.0, 1e6))
-    with pytest.raises(NoPathFound, match="in time|within the time"):
+    with pytest.raises(NoPathFound, match=r"in time|within the time"):
         planner.plan((0.3, 0.3), (5.7, 5.7), time_limit=2.0, clock=lambda: float(next(ticks)))
