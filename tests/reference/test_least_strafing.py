@@ -9,8 +9,9 @@ from omnidrive.geometry import wrap
 from omnidrive.planning import SplinePath
 from omnidrive.reference import MotionLimits, time_within_limits
 from omnidrive.reference.heading_policies import turning_once
+from omnidrive.reference.heading_spline import TURN_LENGTH
 from omnidrive.reference.initial_headings import with_end_headings
-from omnidrive.reference.least_strafing import TURN_LENGTH, least_strafing
+from omnidrive.reference.least_strafing import least_strafing
 from omnidrive.robot import named_robot
 from tests.reference.sample_paths import straight, turning, wandering
 

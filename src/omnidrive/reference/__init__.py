@@ -18,6 +18,7 @@ from omnidrive.reference.components import ReferenceContext
 from omnidrive.reference.corridor import Corridor
 from omnidrive.reference.delay_within_limits import delay_within_limits, needed_limits
 from omnidrive.reference.delayed_reference import DelayedReference
+from omnidrive.reference.heading_sections import HeadingSection
 from omnidrive.reference.limit_sampling import sample_within_limits
 from omnidrive.reference.limit_usage import limit_usage, shortest_duration_within, slowed_to
 from omnidrive.reference.limited_reference import LimitedReference
@@ -60,6 +61,7 @@ __all__ = [
     "Disc",
     "Eight",
     "Heading",
+    "HeadingSection",
     "Hold",
     "LimitRows",
     "LimitedReference",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import get_args
 
 import numpy as np
@@ -14,6 +15,7 @@ from omnidrive.parameter import check_choice
 from omnidrive.planning import SplinePath
 from omnidrive.reference.free_heading import free_heading
 from omnidrive.reference.heading_policies import facing, fast_candidates, turning_once
+from omnidrive.reference.heading_sections import HeadingSection, heading_in_sections
 from omnidrive.reference.initial_headings import check_end_headings
 from omnidrive.reference.jerk_timing import fastest_reference
 from omnidrive.reference.least_strafing import least_strafing
@@ -38,7 +40,7 @@ def time_within_limits(
     chassis: Chassis,
     limits: MotionLimits,
     *,
-    heading: Heading = "path",
+    heading: Heading | Sequence[HeadingSection] = "path",
     yaw: float | None = None,
     start_yaw: float | None = None,
     goal_yaw: float | None = None,
@@ -56,9 +58,8 @@ def time_within_limits(
         path: Path to follow; it may consist of a turn on the spot.
         chassis: Wheel kinematics and wheel speed limit.
         limits: All other limits.
-        heading: Kind of heading, see :data:`omnidrive.choices.Heading`.
-        yaw: Heading for ``fixed``, in rad; None: that of the start, the goal or, if both are free,
-            the path's first one.
+        heading: Kind of heading, see :data:`omnidrive.choices.Heading`, or sections of the path.
+        yaw: Heading for ``fixed``, in rad; None: that of the start, the goal or the path's start.
         start_yaw: Heading at the start, in rad, modulo whole turns; None: free.
         goal_yaw: Heading at the goal, likewise.
         duration: Duration to which the motion is slowed, in s; None: the shortest.
@@ -74,7 +75,8 @@ def time_within_limits(
             the twists at its ends.
         MissingExtra: ``free`` without CasADi.
     """
-    check_choice("heading", heading, get_args(Heading))
+    if isinstance(heading, str):
+        check_choice("heading", heading, get_args(Heading))
     rows, jerks = limit_rows(chassis, limits), jerk_rows(limits)
     check_end_headings(start_yaw, goal_yaw)
     zone_speeds = None if zones is None or zones.max_speed is None else zones.max_speeds
@@ -98,7 +100,7 @@ def time_within_limits(
 def _with_heading(  # noqa: PLR0917
     path: SplinePath,
     rows: tuple[LimitRows, ...],
-    heading: Heading,
+    heading: Heading | Sequence[HeadingSection],
     yaw: float | None,
     ends: tuple[float | None, float | None],
     target: tuple[float, float] | None,
@@ -107,7 +109,9 @@ def _with_heading(  # noqa: PLR0917
     kind: FixedHeading = "path"
     if heading == "fastest":
         return fast_candidates(path, *ends)
-    if heading == "free":
+    if not isinstance(heading, str):
+        path = heading_in_sections(path, heading, *ends)
+    elif heading == "free":
         path = free_heading(path, rows, *ends)
     elif heading == "face":
         if target is None:
@@ -163,7 +167,9 @@ def _check_twists(
 
 
 def _check_ends(
-    path: PiecewisePath, heading: Heading, required: tuple[float | None, float | None]
+    path: PiecewisePath,
+    heading: Heading | Sequence[HeadingSection],
+    required: tuple[float | None, float | None],
 ) -> None:
     """Raise an error if the path has other headings at its ends than required."""
     ends = np.array([0, len(path.pieces) - 1])
