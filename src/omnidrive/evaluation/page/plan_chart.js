@@ -48,7 +48,7 @@ class PlanChart {
     return {
       width: Math.max(this.host.clientWidth, 200), height: PlanChart.HEIGHT, legend: { show: false },
       cursor: { drag: { x: false, y: false }, points: { size: 7 }, y: false },
-      scales: { x: { time: false }, y: { range: fromZero }, second: { range: padded } },
+      scales: { x: { time: false, range: () => [0, this.plan.s.at(-1) || 1] }, y: { range: fromZero }, second: { range: padded } },
       axes: [
         axis({ size: 30, values: (_, ticks) => ticks.map((s) => `${+s.toPrecision(6)} m`) }),
         axis({ size: 46 }),
