@@ -6,10 +6,12 @@ from abc import abstractmethod
 from typing import Self
 
 import numpy as np
+from jaxtyping import Float
 
+from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.piecewise_path import PiecewisePath
+from omnidrive.reference.piecewise_path import PathDerivatives, PiecewisePath
 from omnidrive.reference.reference import WindowReference
 
 
@@ -19,15 +21,30 @@ class LimitedReference(WindowReference):
     Attributes:
         path: Poses as a function of the path parameter s.
         limits: Limits that :attr:`limit_usage` evaluates.
+        times: Time of each node, in s, from 0.
     """
 
     path: PiecewisePath
     limits: tuple[LimitRows, ...]
+    times: Float[Array, " nodes"]
 
     @property
-    @abstractmethod
     def duration(self) -> float:
         """Duration of the motion, in s."""
+        return float(self.times[-1])
+
+    def window(self, t: float, n: int, dt: float) -> Float[Array, "n 6"]:
+        """Return the setpoints at ``t + k * dt``; columns as in :class:`Reference`."""
+        at = t + dt * np.arange(n)
+        inside = (at >= 0.0) & (at <= self.duration * (1.0 + 1e-12))  # k * dt may round past it
+        at = np.clip(at, 0.0, self.duration)
+        k = np.clip(np.searchsorted(self.times, at, side="right") - 1, 0, len(self.times) - 2)
+        motion, speed = self._along(k, at - self.times[k])
+        return np.hstack([motion.poses, motion.first_derivatives * (speed * inside)[:, None]])
+
+    @abstractmethod
+    def _along(self, k: Array, since: Array) -> tuple[PathDerivatives, Array]:
+        """Evaluate path and ds/dt at a time (s) after the start of each interval k."""
 
     @property
     @abstractmethod

@@ -107,21 +107,10 @@ class SmoothReference(LimitedReference):
         times = np.concatenate([[0.0], np.cumsum(step)])
         return cls(path, limits, times, nodes, coefficients)
 
-    @property
-    def duration(self) -> float:
-        """Duration of the motion, in s."""
-        return float(self.times[-1])
-
-    def window(self, t: float, n: int, dt: float) -> Float[Array, "n 6"]:
-        """Return the setpoints at ``t + k * dt``; columns as in :class:`Reference`."""
-        at = t + dt * np.arange(n)
-        inside = (at >= 0.0) & (at <= self.duration * (1.0 + 1e-12))  # k * dt may round past it
-        at = np.clip(at, 0.0, self.duration)
-        k = np.clip(np.searchsorted(self.times, at, side="right") - 1, 0, len(self.times) - 2)
-        share = (at - self.times[k]) / (self.times[k + 1] - self.times[k])
-        s, v, _, _ = self._progress(k, share)
-        motion = self._derivatives(k, s)
-        return np.hstack([motion.poses, motion.first_derivatives * (v * inside)[:, None]])
+    def _along(self, k: Array, since: Array) -> tuple[PathDerivatives, Array]:
+        """Evaluate path and ds/dt at a time after the start of each interval."""
+        s, v, _, _ = self._progress(k, since / (self.times[k + 1] - self.times[k]))
+        return self._derivatives(k, s), v
 
     def _progress(self, k: Array, r: Array) -> tuple[Array, Array, Array, Array]:
         """Return s and its first three derivatives with respect to time, on intervals k."""

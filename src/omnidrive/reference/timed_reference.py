@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,42 +29,32 @@ class TimedReference(LimitedReference):
         limits: Limits that :attr:`limit_usage` evaluates.
         squared_speeds: (ds/dt)^2 at the nodes, in 1/s^2; a whole number of intervals per piece.
         section_limits: Limits of parts of the path, which :attr:`limit_usage` evaluates there.
+        times: Time of each node, in s, by the mean of the speeds at the ends of each interval.
     """
 
     path: PiecewisePath
     limits: tuple[LimitRows, ...]
     squared_speeds: Float[Array, " nodes"]
     section_limits: tuple[SectionLimit, ...] = ()
+    times: Float[Array, " nodes"] = field(init=False, repr=False)
 
     @property
     def _width(self) -> float:
         """Width of an interval in s."""
         return len(self.path.pieces) / (len(self.squared_speeds) - 1)
 
-    @cached_property
-    def times(self) -> Float[Array, " nodes"]:
-        """Time of each node, in s, by the mean of the speeds at the ends of each interval."""
+    def __post_init__(self) -> None:
         speeds = np.sqrt(self.squared_speeds)
-        return np.concatenate([[0.0], np.cumsum(2.0 * self._width / (speeds[:-1] + speeds[1:]))])
+        steps = 2.0 * self._width / (speeds[:-1] + speeds[1:])
+        object.__setattr__(self, "times", np.concatenate([[0.0], np.cumsum(steps)]))
 
-    @property
-    def duration(self) -> float:
-        """Duration of the motion, in s."""
-        return float(self.times[-1])
-
-    def window(self, t: float, n: int, dt: float) -> Float[Array, "n 6"]:
-        """Return the setpoints at ``t + k * dt``; columns as in :class:`Reference`."""
-        at = t + dt * np.arange(n)
-        inside = (at >= 0.0) & (at <= self.duration * (1.0 + 1e-12))  # k * dt may round past it
-        at = np.clip(at, 0.0, self.duration)
-        k = np.clip(np.searchsorted(self.times, at, side="right") - 1, 0, len(self.times) - 2)
-        since, width = at - self.times[k], self._width
+    def _along(self, k: Array, since: Array) -> tuple[PathDerivatives, Array]:
+        """Evaluate path and ds/dt at a time after the start of each interval."""
         before, after = self.squared_speeds[k], self.squared_speeds[k + 1]
-        u = (after - before) / (2.0 * width)
+        u = (after - before) / (2.0 * self._width)
         speed = np.maximum(np.sqrt(before) + u * since, 0.0)
-        share = np.clip((np.sqrt(before) + 0.5 * u * since) * since / width, 0.0, 1.0)
-        motion = self._derivatives(k, share)
-        return np.hstack([motion.poses, motion.first_derivatives * (speed * inside)[:, None]])
+        share = np.clip((np.sqrt(before) + 0.5 * u * since) * since / self._width, 0.0, 1.0)
+        return self._derivatives(k, share), speed
 
     def _derivatives(self, interval: Array, share: Array) -> PathDerivatives:
         """Evaluate the path at a share of the width of the given intervals."""
