@@ -75,7 +75,7 @@ def time_within_limits(
             the twists at its ends.
         MissingExtra: ``free`` without CasADi.
     """
-    if isinstance(heading, str):
+    if isinstance(heading, str) or not isinstance(heading, Sequence):
         check_choice("heading", heading, get_args(Heading))
     rows, jerks = limit_rows(chassis, limits), jerk_rows(limits)
     check_end_headings(start_yaw, goal_yaw)
