@@ -165,8 +165,8 @@ def statement(problem: AnyProblem) -> dict[str, object]:
     }
     if isinstance(problem, UnicycleProblem):
         return common | {"limits": list(problem.limits)}
-    limits, zones = problem.limits._asdict(), problem.keep_outs
-    rows = {name: part.tolist() for name, part in limits.items()}
+    limits, zones = problem.limits, problem.keep_outs
+    rows = {name: getattr(limits, name).tolist() for name in ("now", "before", "bounds")}
     zone_data = {"radii": zones.radii.tolist(), "weights": zones.weights.tolist()}
     return common | {"model": "holonomic"} | rows | zone_data
 

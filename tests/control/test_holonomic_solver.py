@@ -25,6 +25,7 @@ from omnidrive.control.nmpc.holonomic.keep_out_cost import keep_out_cost, signed
 from omnidrive.control.nmpc.holonomic.law import law_memory
 from omnidrive.control.nmpc.holonomic.lqr import unconstrained_velocities
 from omnidrive.control.nmpc.holonomic.motion import (
+    earlier_twist,
     limit_value,
     max_limit_ratio,
     roll_out,
@@ -58,7 +59,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 SQUARE = np.array([[0.2, -0.2], [0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2]])
 
 
-def problem(rng, stages=15, limit=20.0, offset=0.3, *, rate=None, lag=0.0, zones=0):
+def problem(rng, stages=15, limit=20.0, offset=0.3, *, rate=None, lag=0.0, zones=0, inertial=False):
     """Return the problem of a wavy reference of about 0.7 m/s, and a start beside it.
 
     With a limit ``rate`` of the wheels' acceleration in rad/s^2, or a lag in s, the robot moves
@@ -74,6 +75,7 @@ def problem(rng, stages=15, limit=20.0, offset=0.3, *, rate=None, lag=0.0, zones
     limits = speed_limits(CHASSIS.jacobian, limit, dt, (lag, lag))
     if rate is not None:
         limits = stack_limits(limits, rate_limits(CHASSIS.jacobian, rate, dt))
+    limits = limits._replace(inertial=inertial)
     previous = np.zeros(3)
     if rate is not None or lag:
         previous = rng.normal(size=3) * [0.4, 0.4, 0.8]
@@ -141,7 +143,7 @@ def test_derivatives_of_stage_twists(seed):
     stage, multipliers = rng.uniform(-3, 3, 4), tuple(rng.normal(size=2).tolist())
 
     def derivatives(stage):
-        jacobian, hessian = np.empty((1, 2, 4)), np.empty((1, 4, 4))
+        jacobian, hessian = np.empty((1, 2, 4)), np.empty((1, 7, 7))
         value = twist_derivatives(0.1, tuple(stage.tolist()), multipliers, jacobian, hessian, 0)
         return np.array(value), jacobian[0], hessian[0]
 
@@ -156,17 +158,20 @@ def test_derivatives_of_stage_twists(seed):
         np.testing.assert_allclose(hessian[a, : a + 1], expected[: a + 1], rtol=1e-5, atol=1e-5)
 
 
-@given(SEEDS, st.integers(1, 6))
+@given(SEEDS, st.integers(1, 6), st.booleans())
 @examples(30)
-def test_reduced_gradient_matches_finite_differences(seed, stages):
+def test_reduced_gradient_matches_finite_differences(seed, stages, inertial):
     """Of the Lagrangian by every velocity, with the states as functions of the velocities."""
     rng = np.random.default_rng(seed)
-    p = problem(rng, stages, rate=50.0, lag=0.05, zones=3)
+    p = problem(rng, stages, rate=50.0, lag=0.05, zones=3, inertial=inertial)
     v, multipliers = rng.normal(size=(stages, 3)), rng.normal(size=(stages, 8))
 
     def lagrangian(v):
         twists = stage_twists(p, v)
-        values = [[limit_value(p, i, twists, k) for i in range(8)] for k in range(stages)]
+        earlier = [earlier_twist(p, twists, k) for k in range(stages)]
+        values = [
+            [limit_value(p, i, twists, k, earlier[k]) for i in range(8)] for k in range(stages)
+        ]
         return cost(p, roll_out(p, v), v) + (multipliers * values / p.limits.bounds).sum()
 
     point = allocate_point(v, np.tile(p.limits.bounds, (stages, 1)))
@@ -179,6 +184,51 @@ def test_reduced_gradient_matches_finite_differences(seed, stages):
             step[k, i] = 1e-6
             first = (lagrangian(v + step) - lagrangian(v - step)) / 2e-6
             assert gradient[k, i] == pytest.approx(first, rel=1e-5, abs=1e-4)
+
+
+@given(SEEDS)
+@examples(20)
+def test_hessian_of_inertial_limits_matches_differences_of_gradients(seed):
+    """That of the limits alone, by the velocities of all stages; yaw_k follows from them."""
+    rng, stages = np.random.default_rng(seed), 4
+    p = problem(rng, stages, rate=50.0, lag=0.05, inertial=True)
+    v, multipliers = rng.normal(size=(stages, 3)), rng.normal(size=(stages, 8))
+
+    def point_at(v):
+        point = allocate_point(v.reshape(stages, 3), np.tile(p.limits.bounds, (stages, 1)))
+        point.multipliers[:] = multipliers
+        evaluate(p, point)
+        point.gradient_state[:], point.gradient_velocity[:] = 0.0, 0.0
+        return point
+
+    point, total = point_at(v.copy()), np.zeros((3 * stages, 3 * stages))
+    for k in range(stages):
+        parts = np.zeros((7, 3 * stages))  # yaw_k, v_k and v_{k-1} by all velocities
+        parts[0, 2 : 3 * k : 3] = p.dt
+        parts[1:4, 3 * k : 3 * k + 3] = np.eye(3)
+        if k > 0:
+            parts[4:7, 3 * k - 3 : 3 * k] = np.eye(3)
+        lower = np.tril(point.hessian[k])
+        total += parts.T @ (lower + np.tril(lower, -1).T) @ parts
+    for i, step in enumerate(1e-5 * np.eye(3 * stages)):
+        above, below = (
+            reduced_gradient(p.dt, point_at(v.ravel() + sign * step)) for sign in (1.0, -1.0)
+        )
+        np.testing.assert_allclose(total[i], (above - below).ravel() / 2e-5, atol=1e-5)
+
+
+def test_a_turning_robot_keeps_its_velocity_without_force():
+    """With inertial limits, those of the velocity's change in W; a twist constant in B needs it."""
+    p = problem(np.random.default_rng(0), 10, rate=1.0, inertial=True)
+    straight = np.tile([1.0, 0.5, 2.0], (10, 1))
+    twists = stage_twists(p, straight)
+    constant = np.tile(twists[0], (10, 1))
+    for k in range(1, 10):
+        values = [limit_value(p, i, twists, k, earlier_twist(p, twists, k)) for i in range(4, 8)]
+        np.testing.assert_allclose(values, 0.0, atol=1e-12)
+        before = earlier_twist(p, constant, k)
+        values = [limit_value(p, i, constant, k, before) for i in range(4, 8)]
+        assert np.abs(values).max() > 1.0
 
 
 @given(SEEDS, st.integers(1, 30))
@@ -251,7 +301,13 @@ def test_converges_with_rate_limits_lag_and_keep_out_zones(rate, lag, zones):
 
 @pytest.mark.parametrize(
     ("limit", "options", "share"),
-    [(20.0, {}, 0.9), (10.0, {}, 0.5), (20.0, {"rate": 60.0}, 0.1), (20.0, {"zones": 3}, 0.1)],
+    [
+        (20.0, {}, 0.9),
+        (10.0, {}, 0.5),
+        (20.0, {"rate": 60.0}, 0.1),
+        (20.0, {"rate": 60.0, "inertial": True}, 0.1),
+        (20.0, {"zones": 3}, 0.1),
+    ],
 )
 def test_active_set_method_agrees_with_the_interior_point_method(limit, options, share):
     found = []
@@ -275,7 +331,13 @@ def test_active_set_method_agrees_with_the_interior_point_method(limit, options,
     assert np.mean(found) > share
 
 
-IPOPTS = [{}, {"rate": 50.0}, {"rate": 50.0, "lag": 0.05}, {"rate": 50.0, "zones": 3}]
+IPOPTS = [
+    {},
+    {"rate": 50.0},
+    {"rate": 50.0, "lag": 0.05},
+    {"rate": 50.0, "zones": 3},
+    {"rate": 50.0, "inertial": True},
+]
 
 
 @pytest.mark.parametrize("options", IPOPTS)

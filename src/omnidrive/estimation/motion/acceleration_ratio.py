@@ -15,8 +15,9 @@ from omnidrive.geometry.kernels import wrap_angle
 from omnidrive.robot.drive_model import DriveModel
 from omnidrive.robot.slip import Vector
 
-_ASSUMED, _MIN = 0.7, 0.3
-"""Share that is assumed without evidence, and the least one."""
+_ASSUMED, _MIN, _MIN_IN_APPROACH = 0.7, 0.2, 0.3
+"""Share that is assumed without evidence, the least one, and that of approaches, in which a delay
+that is not identified yet looks like little friction."""
 _DEFICIT = 0.8
 """Acceleration over the predicted one, below which the robot does not reach it."""
 _MIN_LOAD = 0.3
@@ -49,6 +50,12 @@ _NOISE_RATIO = 25.0
 def reached_share(state: Any) -> float:
     """Return the share of the limits of acceleration that the robot reaches, 0 to 1."""
     return _ASSUMED + float(state.response.excess_ratio)
+
+
+@compiled
+def approach_share(state: Any) -> float:
+    """Return the share of the limits of acceleration with which an approach brakes, 0 to 1."""
+    return max(reached_share(state), _MIN_IN_APPROACH)
 
 
 @compiled

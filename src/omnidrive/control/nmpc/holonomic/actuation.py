@@ -129,4 +129,6 @@ class Actuation:
         speeds = speed_limits(chassis.jacobian, chassis.max_wheel_speed, dt, self.lag)
         if self.acceleration_faces is None:
             return speeds
-        return stack_limits(speeds, rate_limits(self.acceleration_faces, acceleration, dt))
+        rates = rate_limits(self.acceleration_faces, acceleration, dt)
+        limits = stack_limits(speeds, rates)
+        return limits._replace(inertial=self.slip_model is not None)

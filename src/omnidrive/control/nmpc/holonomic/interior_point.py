@@ -12,7 +12,12 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.exit import CAPPED, CONVERGED, STALLED
 from omnidrive.control.nmpc.holonomic.feasible_start import feasible_velocities, relaxed_bounds
-from omnidrive.control.nmpc.holonomic.motion import limit_value, roll_out, stage_twists
+from omnidrive.control.nmpc.holonomic.motion import (
+    earlier_twist,
+    limit_value,
+    roll_out,
+    stage_twists,
+)
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.riccati import (
     MAX_SHIFT,
@@ -263,9 +268,9 @@ def _merit(
     """Return J plus the logarithmic barrier of all limits; infinite outside the limits."""
     total, twists = cost(p, roll_out(p, velocities), velocities), stage_twists(p, velocities)
     for k in range(len(velocities)):
-        product = 1.0
+        product, earlier = 1.0, earlier_twist(p, twists, k)
         for i in range(bounds.shape[1]):
-            value = limit_value(p, i, twists, k) / bounds[k, i]
+            value = limit_value(p, i, twists, k, earlier) / bounds[k, i]
             if not abs(value) < 1.0:
                 return np.inf
             product *= (1.0 - value) * (1.0 + value)

@@ -17,8 +17,9 @@ from omnidrive.control.nmpc.holonomic.motion import roll_out
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.control.nmpc.holonomic.solution import HolonomicSolution
 
-Shape = tuple[int, int, tuple[int, ...]]
-"""Number of stages, number of limits, and the index of the first corner of every keep-out zone."""
+Shape = tuple[int, int, bool, tuple[int, ...]]
+"""Number of stages, number of limits, whether these are inertial, and the index of the first corner
+of every keep-out zone."""
 
 
 @dataclass(slots=True)
@@ -48,7 +49,8 @@ class HolonomicIpopt:
         if not np.isfinite(guess).all():
             multipliers = np.zeros((stages, rows))
             return HolonomicSolution.of(problem, guess, multipliers, 0, Exit.UNUSABLE)
-        shape = (stages, rows, tuple(problem.keep_outs.first.tolist()))
+        zones = tuple(problem.keep_outs.first.tolist())
+        shape = (stages, rows, bool(problem.limits.inertial), zones)
         if shape not in self._programs:
             self._programs[shape] = _program(shape, self.settings)
         program = self._programs[shape]
@@ -79,7 +81,7 @@ def _parameters(problem: HolonomicProblem) -> np.ndarray:
 def _program(shape: Shape, settings: IpoptSettings) -> Any:
     """Return :class:`HolonomicProblem` as a nonlinear program with its fields as parameters."""
     ca = casadi()
-    stages, rows, first = shape
+    stages, rows, inertial, first = shape
     velocities, states = ca.SX.sym("v", 3, stages), ca.SX.sym("x", 3, stages + 1)
     dt, start, previous = ca.SX.sym("dt"), ca.SX.sym("start", 3), ca.SX.sym("b", 3)
     targets, feedforward = ca.SX.sym("xref", 3, stages + 1), ca.SX.sym("vref", 3, stages)
@@ -93,6 +95,15 @@ def _program(shape: Shape, settings: IpoptSettings) -> Any:
 
     twists = _stage_twists(dt, states[2, :-1], velocities)
     earlier = ca.horzcat(previous, twists[:, :-1])
+    if inertial:
+        rates = twists[2, :]
+        turns = 0.5 * dt * (rates + ca.horzcat(0.0, rates[:-1]))
+        cosines, sines = ca.cos(turns), ca.sin(turns)
+        earlier = ca.vertcat(
+            cosines * earlier[0, :] + sines * earlier[1, :],
+            cosines * earlier[1, :] - sines * earlier[0, :],
+            earlier[2, :],
+        )
     limit_values = now.T @ twists - before.T @ earlier
     defects = states[:, 1:] - states[:, :-1] - dt * velocities
     cost = ca.sum1(ca.vec(q * (states - targets) ** 2)) + ca.sum1(

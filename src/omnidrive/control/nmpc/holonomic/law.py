@@ -161,7 +161,7 @@ def latest_velocities(memory: LawMemory) -> Float[Array, "later 3"]:
 @compilable
 def _limits(data: LawData, memory: LawMemory) -> Limits:
     """Return the limits with the bounds of this step."""
-    return Limits(data.limits.now, data.limits.before, memory.bounds)
+    return Limits(data.limits.now, data.limits.before, memory.bounds, data.limits.inertial)
 
 
 @compilable

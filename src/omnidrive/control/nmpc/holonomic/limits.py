@@ -59,8 +59,13 @@ def rate_limits(
 
 
 def stack_limits(*limits: Limits) -> Limits:
-    """Return the rows of all arguments as one set of limits."""
-    return Limits(*(np.concatenate(each) for each in zip(*limits, strict=True)))
+    """Return the rows of all arguments as one set of limits, inertial if the first one is."""
+    return Limits(
+        np.concatenate([each.now for each in limits]),
+        np.concatenate([each.before for each in limits]),
+        np.concatenate([each.bounds for each in limits]),
+        limits[0].inertial,
+    )
 
 
 def _limits(matrix: Array, bounds: Array | float, now: Array, before: Array) -> Limits:

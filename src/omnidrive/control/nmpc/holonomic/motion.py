@@ -11,6 +11,7 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
 from omnidrive.geometry.arc import arc_factor, arc_twist
+from omnidrive.robot.slip import Vector
 
 
 @compiled
@@ -30,7 +31,7 @@ def twist_derivatives(  # noqa: PLR0917
     stage: tuple[float, float, float, float],
     multipliers: tuple[float, float],
     jacobian: Float[Array, "stages 2 4"],
-    hessian: Float[Array, "stages 4 4"],
+    hessian: Float[Array, "stages 7 7"],
     k: int,
 ) -> tuple[float, float]:
     """Return :func:`arc_twist` of stage k; fill in its derivatives by (yaw, vx, vy, yaw rate).
@@ -84,12 +85,25 @@ def stage_twists(
 
 
 @compiled
-def limit_value(p: HolonomicProblem, i: int, twists: Float[Array, "stages 3"], k: int) -> float:
-    """Return ``now_i @ b_k - before_i @ b_{k-1}`` of :class:`~.problem.Limits`."""
+def earlier_twist(p: HolonomicProblem, twists: Float[Array, "stages 3"], k: int) -> Vector:
+    """Return the twist before stage k as :class:`~.problem.Limits` compare it with that of k."""
+    before = twists[k - 1] if k > 0 else p.previous
+    x, y, rate = before[0], before[1], before[2]
+    if not p.limits.inertial:
+        return x, y, rate
+    turn = 0.5 * p.dt * (twists[k, 2] + (rate if k > 0 else 0.0))
+    c, s = cos(turn), sin(turn)
+    return c * x + s * y, c * y - s * x, rate
+
+
+@compiled
+def limit_value(
+    p: HolonomicProblem, i: int, twists: Float[Array, "stages 3"], k: int, earlier: Vector
+) -> float:
+    """Return the value of a limit of :class:`~.problem.Limits`, with :func:`earlier_twist`."""
     total = 0.0
     for a in range(3):
-        past = twists[k - 1, a] if k > 0 else p.previous[a]
-        total += p.limits.now[i, a] * twists[k, a] - p.limits.before[i, a] * past
+        total += p.limits.now[i, a] * twists[k, a] - p.limits.before[i, a] * earlier[a]
     return total
 
 
@@ -98,8 +112,9 @@ def max_limit_ratio(p: HolonomicProblem, twists: Float[Array, "stages 3"]) -> fl
     """Return the largest ratio of a limit's absolute value to its bound; NaN if any is NaN."""
     largest = 0.0
     for k in range(len(twists)):
+        earlier = earlier_twist(p, twists, k)
         for i in range(len(p.limits.bounds)):
-            ratio = abs(limit_value(p, i, twists, k)) / p.limits.bounds[i]
+            ratio = abs(limit_value(p, i, twists, k, earlier)) / p.limits.bounds[i]
             if ratio > largest or isnan(ratio):  # a NaN is never replaced
                 largest = ratio
     return largest

@@ -29,6 +29,10 @@ class Limits(NamedTuple):
     """Coefficients of b_{k-1}, in the same units."""
     bounds: Float[Array, " rows"]
     """Positive; in the unit of the row, such as rad/s or rad/s^2."""
+    inertial: bool = False
+    """Whether b_{k-1} is turned into B of b_k, at the middles of both stages, or at the start of
+    the first one: limits of forces, which change the velocity in W. A twist that is constant in B
+    needs them where the robot turns."""
 
 
 class KeepOutArrays(NamedTuple):

@@ -204,7 +204,9 @@ def _hessian_of_limits(
     jacobian, hessian, width = point.jacobian, point.hessian, 3
     for a in range(7):
         for b in range(a + 1):
-            h[a, b] = hessian[k, a, b] if a < 4 else 0.0
+            h[a, b] = hessian[k, a, b]
+            if a > 3 and h[a, b] != 0.0:
+                width = 6
     for w in range(weights.shape[1]):
         weight = weights[k, w]
         if weight != 0.0:

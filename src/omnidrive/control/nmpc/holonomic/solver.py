@@ -187,6 +187,7 @@ def _solve_holonomic(  # noqa: PLR0917
     now: Float[Array, "rows 3"],
     before: Float[Array, "rows 3"],
     bounds: Float[Array, " rows"],
+    inertial: bool,
     corners: Float[Array, "corners 2"],
     first: Int[Array, " starts"],
     radii: Float[Array, " zones"],
@@ -208,7 +209,7 @@ def _solve_holonomic(  # noqa: PLR0917
         feedforward,
         state_weights,
         control_weights,
-        Limits(now, before, bounds),
+        Limits(now, before, bounds, inertial),
         KeepOutArrays(corners, first, radii, weights, centres),
     )
     velocities, multipliers, iterations, code = minimise(p, latest, tolerance, max_iterations)

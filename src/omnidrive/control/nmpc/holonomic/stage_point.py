@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isnan
+from math import cos, isnan, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +12,9 @@ from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
 from omnidrive.control.nmpc.common.cost import tracking_cost
 from omnidrive.control.nmpc.holonomic.keep_out_cost import add_keep_out_derivatives, keep_out_cost
-from omnidrive.control.nmpc.holonomic.motion import roll_out, twist_derivatives
+from omnidrive.control.nmpc.holonomic.motion import earlier_twist, roll_out, twist_derivatives
 from omnidrive.control.nmpc.holonomic.problem import HolonomicProblem
+from omnidrive.geometry.arc import arc_factor
 
 
 class StagePoint(NamedTuple):
@@ -37,8 +38,8 @@ class StagePoint(NamedTuple):
     """Slacks of both sides: 1 - value and 1 + value."""
     jacobian: Float[Array, "stages rows 7"]
     """Derivatives of the limits' values by (yaw_k, v_k, v_{k-1})."""
-    hessian: Float[Array, "stages 4 4"]
-    """Second derivatives of ``multipliers @ values`` by (yaw_k, v_k): lower triangle."""
+    hessian: Float[Array, "stages 7 7"]
+    """Second derivatives of ``multipliers @ values`` by (yaw_k, v_k, v_{k-1}): lower triangle."""
     gradient_velocity: Float[Array, "stages 3"]
     """Derivatives of J by every velocity, with the states constant."""
     gradient_state: Float[Array, "points 3"]
@@ -62,7 +63,7 @@ def allocate_point(
         np.empty((stages, 2, 4)),
         np.empty((stages, rows, 2)),
         np.zeros((stages, rows, 7)),
-        np.empty((stages, 4, 4)),
+        np.zeros((stages, 7, 7)),
         np.empty((stages, 3)),
         np.empty((stages + 1, 3)),
         np.empty((stages + 1, 2, 3)),
@@ -124,7 +125,7 @@ def _fill_twists(p: HolonomicProblem, point: StagePoint) -> None:
             multiplier = point.multipliers[k, i] / point.bounds[k, i]
             mx += multiplier * limits.now[i, 0]
             my += multiplier * limits.now[i, 1]
-            if k + 1 < stages:
+            if k + 1 < stages and not limits.inertial:
                 multiplier = point.multipliers[k + 1, i] / point.bounds[k + 1, i]
                 mx -= multiplier * limits.before[i, 0]
                 my -= multiplier * limits.before[i, 1]
@@ -134,15 +135,49 @@ def _fill_twists(p: HolonomicProblem, point: StagePoint) -> None:
             p.dt, stage, (mx, my), point.twist_jacobian, point.hessian, k
         )
         point.twists[k, 2] = rate
+        if limits.inertial:
+            _add_inertial_hessian(p, point, k, yaw)
         yaw += p.dt * rate
+
+
+@compiled
+def _add_inertial_hessian(p: HolonomicProblem, point: StagePoint, k: int, yaw: float) -> None:
+    """Add the part of the turned twist before stage k to its Hessian; ``yaw`` is that of k."""
+    mx, my = 0.0, 0.0
+    for i in range(point.bounds.shape[1]):
+        multiplier = point.multipliers[k, i] / point.bounds[k, i]
+        mx -= multiplier * p.limits.before[i, 0]
+        my -= multiplier * p.limits.before[i, 1]
+    h, d = point.hessian, 0.5 * p.dt
+    x, y, _ = earlier_twist(p, point.twists, k)
+    along, across = mx * x + my * y, mx * y - my * x
+    h[k, 3, 3] -= d * d * along
+    if k == 0:
+        return
+    h[k, 0, 0] -= along
+    h[k, 3, 0] -= d * along
+    psi = yaw + d * point.velocities[k, 2]
+    c, s = cos(psi), sin(psi)
+    f, df, ddf = arc_factor(d * point.velocities[k - 1, 2])
+    h[k, 4, 0], h[k, 5, 0] = -f * (mx * s + my * c), f * (mx * c - my * s)
+    h[k, 6, 0] = d * df / f * across
+    for a in range(4, 7):
+        h[k, a, 3] = d * h[k, a, 0]
+    h[k, 6, 4], h[k, 6, 5] = d * df * (mx * c - my * s), d * df * (mx * s + my * c)
+    h[k, 6, 6] = d * d * ddf / f * along
 
 
 @compiled
 def _fill_limits(p: HolonomicProblem, point: StagePoint) -> None:
     """Fill in slacks and Jacobian of the limits."""
     now, before, twists, slacks = p.limits.now, p.limits.before, point.twists, point.slacks
-    jacobian, turns = point.jacobian, point.twist_jacobian
+    jacobian, turns, yaw = point.jacobian, point.twist_jacobian, p.start[2]
     for k in range(len(twists)):
+        past = earlier_twist(p, twists, k)
+        psi, d = yaw + 0.5 * p.dt * twists[k, 2], 0.5 * p.dt
+        c, s = cos(psi), sin(psi)
+        f, df, _ = arc_factor(d * twists[k - 1, 2] if k > 0 else 0.0)
+        yaw += p.dt * twists[k, 2]
         for i in range(len(now)):
             scale = 1.0 / point.bounds[k, i]
             x, y, r = scale * now[i, 0], scale * now[i, 1], scale * now[i, 2]
@@ -151,8 +186,15 @@ def _fill_limits(p: HolonomicProblem, point: StagePoint) -> None:
                 jacobian[k, i, a] = x * turns[k, 0, a] + y * turns[k, 1, a]
             jacobian[k, i, 3] += r
             x, y, r = scale * before[i, 0], scale * before[i, 1], scale * before[i, 2]
-            if x != 0.0 or y != 0.0 or r != 0.0:
-                past = twists[k - 1] if k > 0 else p.previous
+            if p.limits.inertial:
+                value -= x * past[0] + y * past[1] + r * past[2]
+                jacobian[k, i, 3] -= d * (x * past[1] - y * past[0])
+                if k > 0:
+                    jacobian[k, i, 0] -= x * past[1] - y * past[0]
+                    jacobian[k, i, 4] = -f * (x * c - y * s)
+                    jacobian[k, i, 5] = -f * (x * s + y * c)
+                    jacobian[k, i, 6] = -d * df / f * (x * past[0] + y * past[1]) - r
+            elif x != 0.0 or y != 0.0 or r != 0.0:
                 value -= x * past[0] + y * past[1] + r * past[2]
                 if k > 0:
                     by_yaw = x * turns[k - 1, 0, 0] + y * turns[k - 1, 1, 0]

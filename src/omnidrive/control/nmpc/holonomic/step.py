@@ -25,8 +25,8 @@ from omnidrive.control.nmpc.holonomic.solver import minimise, violates_constrain
 from omnidrive.control.nmpc.holonomic.stage_point import lower_bound, overwrite
 from omnidrive.estimation.motion.acceleration_ratio import (
     acceleration_load,
+    approach_share,
     is_late,
-    reached_share,
     response_ratio,
 )
 from omnidrive.estimation.motion.disturbance import without_disturbance
@@ -148,7 +148,7 @@ def _approach_target(
         p.dt,
         lead,
         reserve,
-        reached_share(state),
+        approach_share(state),
         prompt,
         p.targets,
     )
