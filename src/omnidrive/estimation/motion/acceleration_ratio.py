@@ -105,6 +105,7 @@ def update_reached(  # noqa: PLR0917
     twist: Vector,
     measured: Vector,
     dt: float,
+    steady: bool,
 ) -> None:
     """Update the share of the limits of acceleration that the robot has reached.
 
@@ -121,6 +122,7 @@ def update_reached(  # noqa: PLR0917
         twist: Estimated body twist a sample before.
         measured: Measured pose.
         dt: Time since then, in s.
+        steady: Whether no distant target is approached.
     """
     change = (
         (state.twist[0] - twist[0]) / dt,
@@ -137,7 +139,7 @@ def update_reached(  # noqa: PLR0917
     reached = min(max(ratio, 0.0), 1.0) * min(mean_load, 1.0)
     if mean_load > _MIN_LOAD and ratio > _FOLLOWED and response.excess_ratio < 0.0:
         response.excess_ratio *= 1.0 - dt / (dt + _PROBING_TIME)
-    excess = max(reached, _MIN) - reached_share(state)
+    excess = max(reached, _MIN if steady else _MIN_IN_APPROACH) - reached_share(state)
     if mean_load > _MIN_LOAD and (excess > 0.0 or ratio < _DEFICIT):
         response.excess_ratio += dt / (dt + (_RISE if excess > 0.0 else _REACTION)) * excess
     else:

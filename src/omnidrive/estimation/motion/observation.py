@@ -74,7 +74,7 @@ def observe(
     twist = (state.twist[0], state.twist[1], state.twist[2])
     shares = predict(robot.model, memory, elapsed, dt)
     if now.fresh:
-        update_reached(robot.model, robot.faces, state, pose, twist, now.pose, elapsed)
+        update_reached(robot.model, robot.faces, state, pose, twist, now.pose, elapsed, steady)
         correct(robot.model, state, now.pose, now.variances, dt, shares, steady)
     if known:
         correct_twist(robot.model, state, now.twist, dt)
