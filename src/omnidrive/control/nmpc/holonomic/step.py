@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, isfinite, pi, sin
+from math import cos, isfinite, pi, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ from omnidrive.estimation.motion.acceleration_ratio import (
     acceleration_load,
     approach_share,
     is_late,
+    limit_ratio,
     response_ratio,
 )
 from omnidrive.estimation.motion.disturbance import without_disturbance
@@ -49,6 +50,10 @@ _NEAR = 1e-6
 """Distance from a standing target up to which there is nothing to approach, m and rad."""
 _MAX_LQR_LOAD = 0.3
 """Share of the limits of acceleration up to which the plan of least squares leads to the target."""
+
+_RETURN_GAIN, _RETURN_SHARE = 8.5, 0.5
+"""Speed of the return to a moving reference per distance, in 1/s, and the share of the acceleration
+that the robot reaches with which it stops there; the reference needs the rest."""
 
 _APPROACH_CORRECTIONS = (3, 2)
 """As :data:`~.slip_compensation.CORRECTIONS`, in approaches: there wheels slip, and further
@@ -117,9 +122,40 @@ def fill_problem(  # noqa: PLR0917
     distance = 0.0
     for a in range(3):
         distance = max(distance, abs(p.targets[0, a] - p.start[a]))
-    if len(robot.faces) == 0 or not (speed <= _STANDING and distance > _NEAR):
+    if len(robot.faces) == 0:
+        return False
+    if speed > _STANDING:
+        _bring_targets_near(robot, memory.state[0], p)
+        return False
+    if distance <= _NEAR:
         return False
     return _approach_target(robot, memory.state[0], p, twist, reserve)
+
+
+@compiled
+def _bring_targets_near(robot: RobotModel, state: Any, p: HolonomicProblem) -> None:
+    """Move all targets towards the robot if it is so far behind that it would pass them.
+
+    Feedback of gain g closes a distance d at the speed g d, from which a robot with the
+    acceleration a stops within d up to d = 2 a / g^2. Farther away, d is replaced by the one from
+    which it can stop: g d' = sqrt(2 a d). The horizon is too short to plan this. Position and
+    heading are moved separately, so that the heading does not wait for the position.
+    """
+    c, s = cos(p.start[2]), sin(p.start[2])
+    x, y = p.targets[0, 0] - p.start[0], p.targets[0, 1] - p.start[1]
+    turn = p.targets[0, 2] - p.start[2]
+    share = _RETURN_SHARE * limit_ratio(state)
+    away = acceleration_load(robot.faces, (c * x + s * y, c * y - s * x, 0.0)) / share
+    turned = acceleration_load(robot.faces, (0.0, 0.0, turn)) / share
+    near = 2.0 / (_RETURN_GAIN * _RETURN_GAIN)
+    if max(away, turned) <= near:
+        return
+    part = 1.0 - sqrt(near / max(away, near))
+    yaw_part = 1.0 - sqrt(near / max(turned, near))
+    for k in range(len(p.targets)):
+        p.targets[k, 0] -= part * x
+        p.targets[k, 1] -= part * y
+        p.targets[k, 2] -= yaw_part * turn
 
 
 @compiled
