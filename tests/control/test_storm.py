@@ -227,7 +227,7 @@ def test_runs_with_faults(runs):
     print(dict(total))
     assert not failures, "\n".join(map(str, failures))
     assert total.pop("far", 0) <= DELAYED * runs
-    assert set(total) == set(FallbackLevel)
+    assert set(total) | {FallbackLevel.FEASIBLE} == set(FallbackLevel)  # few plans stop early
 
 
 @pytest.mark.parametrize("run", [249, 404, 493, 3008, 3225])

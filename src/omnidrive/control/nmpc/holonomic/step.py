@@ -54,6 +54,8 @@ _MAX_LQR_LOAD = 0.3
 _RETURN_GAIN, _RETURN_SHARE = 8.5, 0.5
 """Speed of the return to a moving reference per distance, in 1/s, and the share of the acceleration
 that the robot reaches with which it stops there; the reference needs the rest."""
+_SLIPPERY = 0.9
+"""Factor of the limits of acceleration above which the robot is not seen to reach less."""
 
 _APPROACH_CORRECTIONS = (3, 2)
 """As :data:`~.slip_compensation.CORRECTIONS`, in approaches: there wheels slip, and further
@@ -144,7 +146,10 @@ def _bring_targets_near(robot: RobotModel, state: Any, p: HolonomicProblem) -> N
     c, s = cos(p.start[2]), sin(p.start[2])
     x, y = p.targets[0, 0] - p.start[0], p.targets[0, 1] - p.start[1]
     turn = p.targets[0, 2] - p.start[2]
-    share = _RETURN_SHARE * limit_ratio(state)
+    ratio = limit_ratio(state)
+    if ratio > _SLIPPERY:
+        return
+    share = _RETURN_SHARE * ratio
     away = acceleration_load(robot.faces, (c * x + s * y, c * y - s * x, 0.0)) / share
     turned = acceleration_load(robot.faces, (0.0, 0.0, turn)) / share
     near = 2.0 / (_RETURN_GAIN * _RETURN_GAIN)
