@@ -178,7 +178,7 @@ def test_file_of_2024(tmp_path):
             "pointTowardsZones has more than 1,000 entries",
         ),
         (
-            {"waypoints": [{"anchorPoint": point(0, 0)}] * 2},  # schema of 2023
+            {"waypoints": [{"position": point(0, 0)}] * 2},
             r"a.path: waypoints\[0\] has no key 'anchor'",
         ),
     ],

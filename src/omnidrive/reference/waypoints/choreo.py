@@ -1,9 +1,9 @@
 """Choreo trajectories (`.traj`): JSON, timed samples with velocities.
 
-The reader accepts schema versions 0 to 4 (2025 and later) and the flat files of 2024. The writer
-writes version 3, which ChoreoLib and PathPlannerLib of 2026 require. Positions are in m and angles
-in rad, in the frame of the field, which is W. Source: Choreo, `src-core/src/spec/trajectory.rs` and
-the loaders of ChoreoLib.
+The reader accepts schema versions 0 to 4 (2025 and later), beta files of 2025, whose samples are
+nested in splits, and the flat files of 2024. The writer writes version 3, which ChoreoLib and
+PathPlannerLib of 2026 require. Positions are in m and angles in rad, in the frame of the field,
+which is W. Source: Choreo, `src-core/src/spec/trajectory.rs` and the loaders of ChoreoLib.
 """
 
 from __future__ import annotations
@@ -42,10 +42,20 @@ def read_choreo(file: pathlib.Path) -> SampledReference:
     Raises:
         InvalidReference: The file is not a generated trajectory; the message gives the position.
     """
-    root = read_json(file)
+    return choreo_reference(read_json(file))
+
+
+def choreo_reference(root: Field) -> SampledReference:
+    """Return the trajectory of a file that is already parsed; see :func:`read_choreo`.
+
+    Raises:
+        InvalidReference: The file is not a generated trajectory.
+    """
     nested = root.get("trajectory")  # absent in files of 2024
     trajectory, names = (root, _NAMES_2024) if nested is None else (nested, _NAMES)
     samples = trajectory["samples"].items()
+    if samples and isinstance(samples[0].value, list):
+        samples = [sample for split in samples for sample in split.items()]
     if not samples:
         raise trajectory["samples"].error(
             "is empty: the trajectory was never generated; generate it in Choreo and save it"

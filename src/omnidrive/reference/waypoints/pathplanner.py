@@ -1,6 +1,6 @@
 """PathPlanner paths (`.path`): JSON, a chain of cubic Bezier curves with headings.
 
-The reader accepts files of PathPlanner 2024, 2025 and 2026; the writer writes version 2025.0.
+The reader accepts files of PathPlanner 2022 to 2026; the writer writes version 2025.0.
 Positions are in m and rotations in degrees, in the frame of the field, which is W. Source:
 PathPlannerLib, `path.py` and `trajectory.py`.
 """
@@ -112,7 +112,7 @@ def curves_of(root: Field) -> Float[Array, "curves 4 2"]:
         raise root["waypoints"].error(f"has {len(waypoints)} entries, need at least 2")
     curves = []
     for now, after in pairwise(waypoints):
-        corners = (now["anchor"], now["nextControl"], after["prevControl"], after["anchor"])
+        corners = (_anchor(now), now["nextControl"], after["prevControl"], _anchor(after))
         curve = [[corner["x"].number(), corner["y"].number()] for corner in corners]
         if all(point == curve[0] for point in curve):
             raise after.error(f"has the position of {now.name}; remove one of the two")
@@ -120,8 +120,15 @@ def curves_of(root: Field) -> Float[Array, "curves 4 2"]:
     return np.array(curves)
 
 
+def _anchor(waypoint: Field) -> Field:
+    """Return the position of a waypoint, whose key was ``anchorPoint`` until 2023."""
+    return waypoint.get("anchorPoint") or waypoint["anchor"]
+
+
 def rotation_targets(root: Field, curves: int) -> dict[float, float]:
     """Return headings, in rad, by path parameter; both ends are always included."""
+    if root.get("goalEndState") is None and root["waypoints"].items()[0].get("anchorPoint"):
+        return _waypoint_headings(root, curves)
     end = radians(root["goalEndState"]["rotation"].number())
     inner: dict[float, float] = {}
     targets = root.get("rotationTargets")
@@ -132,6 +139,18 @@ def rotation_targets(root: Field, curves: int) -> dict[float, float]:
     start = root.get("idealStartingState") or root.get("previewStartingState")  # 2025, 2024
     first = radians(start["rotation"].number()) if start else inner.get(min(inner, default=0), end)
     return {0.0: first, **inner, float(curves): end}
+
+
+def _waypoint_headings(root: Field, curves: int) -> dict[float, float]:
+    """Return the headings of the waypoints of a file of 2022 or 2023, which may have none."""
+    found = {
+        float(k): radians(angle.number())
+        for k, each in enumerate(root["waypoints"].items())
+        if (angle := each.get("holonomicAngle")) is not None
+    }
+    start = found.get(min(found, default=0.0), 0.0)
+    end = found.get(max(found, default=0.0), 0.0)
+    return {0.0: start, float(curves): end, **found}
 
 
 def _point_towards(
