@@ -6,7 +6,14 @@ from math import inf, pi, radians
 import pytest
 
 from omnidrive.errors import InvalidReference
-from omnidrive.reference import Disc, MotionWaypoint, Polygon, Section, load_motion_problem
+from omnidrive.reference import (
+    Disc,
+    MotionWaypoint,
+    Polygon,
+    Section,
+    load_motion_problem,
+    load_waypoints,
+)
 
 
 def expression(value):
@@ -84,8 +91,83 @@ def test_refuses_constraints(tmp_path, wrong, text):
 def test_refuses_other_files(tmp_path):
     with pytest.raises(InvalidReference, match="has no constraints"):
         load(tmp_path, "a.csv", {})
-    with pytest.raises(InvalidReference, match="no key 'params'"):
+    with pytest.raises(InvalidReference, match="never generated"):
         load(tmp_path, "a.traj", {"samples": []})
+
+
+def test_choreo_limits_of_zero(tmp_path):
+    problem = load(
+        tmp_path,
+        "a.traj",
+        choreo(
+            constraint("MaxVelocity", 1, max=0.0),
+            constraint("MaxAngularVelocity", "first", 1, max=0.0),
+            constraint("KeepInLane", 1, "last", tolerance=0.0),
+        ),
+    )
+    assert problem.waypoints[1].stop
+    assert problem.sections == (Section(0, 1, max_yaw_rate=0.0), Section(1, 2, lane=1e-3))
+
+
+def test_choreo_samples_are_the_guess(tmp_path):
+    content = choreo()
+    samples = [
+        {"t": t, "x": t, "y": 0.5, "heading": 0.1, "vx": 1.0, "vy": 0.0, "omega": 0.0}
+        for t in (0.0, 0.5, 1.0, 1.5, 2.0)
+    ]
+    content["trajectory"] = {"sampleType": "Swerve", "waypoints": [0.0, 1.0, 2.0]}
+    content["trajectory"]["samples"] = samples
+    first, last = load(tmp_path, "a.traj", content).guess
+    assert first[:, 0].tolist() == [0.0, 0.5, 1.0]
+    assert last[:, 0].tolist() == [1.0, 1.5, 2.0]
+    content["trajectory"]["samples"] = [samples[:2], samples[2:]]  # splits, as in beta files
+    assert len(load(tmp_path, "a.traj", content).guess) == 2
+    content["params"]["waypoints"][1]["x"] = ["1.2 m", 1.2]  # moved after the generation
+    moved = load(tmp_path, "a.traj", content)
+    assert moved.waypoints[1].x == pytest.approx(1.2)
+    assert moved.guess == ()
+
+
+def test_choreo_flat_file(tmp_path):
+    keys = ("timestamp", "x", "y", "heading", "velocityX", "velocityY", "angularVelocity")
+    rows = [(0, 0, 0, 0, 0, 0, 0), (1, 1, 0, 0, 1, 0, 0), (2, 2, 0, 0.5, 0, 0, 0),
+            (2.5, 2, 0, 0.5, 0, 0, 0), (3, 2, 1, 0.5, 0, 1, 0),
+            (4, 2, 2, 0.5, 0, 0, 0)]  # fmt: skip
+    samples = [dict(zip(keys, row, strict=True)) for row in rows]
+    problem = load(tmp_path, "a.traj", {"samples": samples})
+    assert problem.waypoints == (
+        MotionWaypoint(0.0, 0.0, 0.0),
+        MotionWaypoint(2.0, 0.0, 0.5, stop=True),
+        MotionWaypoint(2.0, 2.0, 0.5),
+    )
+    assert [len(each) for each in problem.guess] == [3, 4]
+
+
+def test_pathplanner_of_2023(tmp_path):
+    def waypoint(x, before, after, **more):
+        points = [None if value is None else {"x": value, "y": 0.0} for value in (x, before, after)]
+        keys = ("anchorPoint", "prevControl", "nextControl")
+        return {**dict(zip(keys, points, strict=True)), "isReversal": False, "velOverride": None,
+                "isStopPoint": False, "holonomicAngle": 90.0, **more}  # fmt: skip
+
+    content = {
+        "waypoints": [
+            waypoint(0.0, None, 1.0),
+            waypoint(2.0, 1.5, 2.5, isStopPoint=True, holonomicAngle=None),
+            waypoint(4.0, 3.5, 4.5, velOverride=1.5),
+            waypoint(6.0, 5.0, None),
+        ],
+        "maxVelocity": 3.0,
+        "markers": [],
+    }
+    problem = load(tmp_path, "a.path", content)
+    assert [(w.x, w.stop) for w in problem.waypoints] == [
+        (0.0, False), (2.0, True), (4.0, False), (6.0, False)
+    ]  # fmt: skip
+    assert [w.yaw for w in problem.waypoints] == [pi / 2, None, pi / 2, pi / 2]
+    assert problem.sections == (Section(0, 3, max_speed=3.0), Section(2, 2, max_speed=1.5))
+    poses = load_waypoints(tmp_path / "a.path").poses
+    assert poses[[0, -1]].tolist() == [[0.0, 0.0, pi / 2], [6.0, 0.0, pi / 2]]
 
 
 def test_pathplanner(tmp_path):

@@ -61,6 +61,28 @@ def test_speed_limit_of_a_section():
     assert np.linalg.norm(samples[inside, 3:5], axis=1).max() <= 0.5 * (1.0 + 1e-3)
 
 
+def test_yaw_rate_of_zero_and_guess():
+    way = [MotionWaypoint(0.0, 0.0, 0.3), MotionWaypoint(1.5, 0.2), MotionWaypoint(2.0, 1.5, 1.0)]
+    held = Section(0, 1, max_yaw_rate=0.0)
+    guess = [
+        np.linspace((0, 0, 0.3), (1.5, 0.2, 0.3), 9),
+        np.linspace((1.5, 0.2, 0.3), (2, 1.5, 1), 9),
+    ]
+    motion = through(way, held, guess=guess)
+    samples = fine(motion)
+    at = np.linspace(0.0, motion.reference.duration, len(samples))
+    np.testing.assert_allclose(samples[at <= motion.waypoint_times[1], 2], 0.3, atol=1e-9)
+    check_limits(motion)
+    straight = float(np.hypot(1.5, 0.2) + np.hypot(0.5, 1.3)) / 1.5 + 1.5
+    assert straight < motion.reference.duration < 1.2 * straight
+    with pytest.raises(InvalidInput, match="yaw rate of 0, and the headings of waypoints 0 and 2"):
+        through(way, Section(0, 2, max_yaw_rate=0.0))
+    with pytest.raises(InvalidInput, match="the guess has 1 legs, and the waypoints have 2"):
+        through(way, guess=guess[:1])
+    with pytest.raises(InvalidInput, match="leg 1 of the guess"):
+        through(way, guess=[guess[0], guess[1][:, :2]])
+
+
 @pytest.mark.long
 def test_stop_is_the_sum_of_two_motions():
     middle = MotionWaypoint(2.0, 0.0, stop=True)

@@ -4,12 +4,10 @@ from omnidrive.reference.waypoint_motion.minimum_time_through import (
     WaypointMotion,
     minimum_time_through,
 )
-from omnidrive.reference.waypoint_motion.motion_problem import (
-    MotionProblem,
-    load_motion_problem,
-)
+from omnidrive.reference.waypoint_motion.motion_problem import load_motion_problem
 from omnidrive.reference.waypoint_motion.regions import Disc, Polygon
 from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.waypoint_problem import MotionProblem
 
 __all__ = [
     "Disc",

@@ -59,6 +59,16 @@ def check_problem(
     return sections
 
 
+def check_guess(guess: Sequence[Float[Array, "poses 3"]], legs: int) -> None:
+    """Raise InvalidInput if a guess does not have at least two finite poses for each leg."""
+    if len(guess) not in {0, legs}:
+        raise InvalidInput(f"the guess has {len(guess)} legs, and the waypoints have {legs}")
+    for leg, poses in enumerate(guess):
+        shape = np.shape(poses)
+        if len(shape) != 2 or shape[0] < 2 or shape[1] != 3 or not np.isfinite(poses).all():
+            raise InvalidInput(f"leg {leg} of the guess must be two or more finite poses of (n, 3)")
+
+
 def place(waypoints: Sequence[MotionWaypoint], index: int) -> str:
     """Return the name of a waypoint in messages."""
     return f"waypoint {index} at ({waypoints[index].x:g}, {waypoints[index].y:g})"
@@ -100,9 +110,11 @@ def _own_faults(section: Section, count: int) -> Iterator[str]:
         yield f"its first waypoint, {bounds[0]}, comes after its last, {bounds[1]}"
     elif section.first == section.last and isfinite(section.lane):
         yield "a lane needs two different waypoints"
+    elif section.first == section.last and section.max_yaw_rate == 0.0:
+        yield "a yaw rate of 0 needs two different waypoints"
     for name, unit in _UNITS.items():
         value = getattr(section, name)
-        if isnan(value) or value <= 0.0:
+        if isnan(value) or value < 0.0 or (value == 0.0 and name != "max_yaw_rate"):
             yield f"{name} must be positive, got {value:g} {unit}"
     if section.point_at is not None:
         if not np.isfinite([*section.point_at, section.point_offset]).all():
@@ -133,6 +145,18 @@ def _faults_at_waypoints(
             if off > section.lane + TOLERANCE:
                 yield f"{here} lies {off - section.lane:.3g} m outside the lane of section {number}"
         yield from _pointing_fault(each, here, section, number)
+    if section.max_yaw_rate == 0.0:
+        known = [
+            (k, each.yaw)
+            for k, each in enumerate(waypoints[section.first : section.last + 1], section.first)
+            if each.yaw is not None
+        ]
+        for k, yaw in known[1:]:
+            if abs(wrap(yaw - known[0][1])) > TOLERANCE:
+                yield (
+                    f"section {number} has a yaw rate of 0, and the headings of waypoints "
+                    f"{known[0][0]} and {k} differ"
+                )
 
 
 def _outside(inside: float, body_radius: float, region: Region, number: int) -> str:

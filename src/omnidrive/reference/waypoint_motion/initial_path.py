@@ -16,7 +16,7 @@ from omnidrive.planning.polyline import cumulative_length
 from omnidrive.reference.spline_basis import spline_basis
 from omnidrive.reference.waypoint_motion.constraints import Constraint
 from omnidrive.reference.waypoint_motion.layout import Layout
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint
+from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
 
 _CELLS = 160
 """Cells of the longer side of the grid on which a way around regions is searched."""
@@ -32,51 +32,94 @@ class InitialPath(NamedTuple):
         paths: One spline for each pair of neighbouring stops.
         yaws: Prescribed headings, in rad, unwrapped to be near those of the splines; NaN: free.
         layout: Pieces of the splines.
+        held: For each spline, the first and the last of each run of control points with one
+            heading, see :meth:`Layout.held`.
     """
 
     paths: tuple[SplinePath, ...]
     yaws: Float[Array, " waypoints"]
     layout: Layout
+    held: tuple[list[tuple[int, int]], ...]
 
 
 def initial_path(
-    waypoints: Sequence[MotionWaypoint], constraints: Sequence[Constraint], body_radius: float
+    waypoints: Sequence[MotionWaypoint],
+    sections: Sequence[Section],
+    constraints: Sequence[Constraint],
+    body_radius: float,
+    guess: Sequence[Float[Array, "poses 3"]] = (),
 ) -> InitialPath:
     """Return splines near straight legs, or near shortest ways around regions where these block.
 
     Args:
         waypoints: The waypoints.
+        sections: Sections between them.
         constraints: Constraints on poses.
         body_radius: Radius of the robot, in m.
+        guess: Poses from each waypoint to the next, which the splines follow; empty: unknown.
     """
-    legs = [_leg(waypoints, k, constraints, body_radius) for k in range(len(waypoints) - 1)]
+    legs = [each[:, :2] for each in guess] or [
+        _leg(waypoints, k, constraints, body_radius) for k in range(len(waypoints) - 1)
+    ]
     lengths = np.array([cumulative_length(leg)[-1] for leg in legs])
     layout = Layout.of(waypoints, lengths)
     s, columns = _positions(legs, layout)
     nodes, yaws = _known_yaws(waypoints, constraints, layout, s, columns)
+    if guess:
+        nodes, yaws = s, np.unwrap(np.concatenate([each[:, 2] for each in guess]))
     given = np.array([np.nan if w.yaw is None else w.yaw for w in waypoints])
     at_nodes = np.interp(layout.nodes, nodes, yaws)
     given = given + 2.0 * np.pi * np.round((at_nodes - given) / (2.0 * np.pi))
-    paths = []
+    paths: list[SplinePath] = []
+    held = tuple(layout.held(sections, spline) for spline in range(len(layout.pieces)))
     for spline, pieces in enumerate(layout.pieces.tolist()):
         start = int(layout.starts[spline])
         knots = np.concatenate([[0] * 3, np.arange(pieces + 1), [pieces] * 3])
         sites = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0 + start
         shape = np.stack([*(np.interp(sites, s, c) for c in columns.T),
                           np.interp(sites, nodes, yaws)], axis=1)  # fmt: skip
-        paths.append(SplinePath(through(waypoints, given, layout, spline, shape)))
-    return InitialPath(tuple(paths), given, layout)
+        paths.append(SplinePath(shape))
+    found = InitialPath(tuple(paths), given, layout, held)
+    return found._replace(paths=through(waypoints, found, found.paths))
 
 
 def through(
+    waypoints: Sequence[MotionWaypoint], guess: InitialPath, paths: Sequence[SplinePath]
+) -> tuple[SplinePath, ...]:
+    """Return splines, moved a little to meet, to pass waypoints and to hold headings exactly."""
+    found: list[SplinePath] = []
+    for index, path in enumerate(paths):
+        control = path.control_points.copy()
+        if found:
+            control[0] = found[-1].control_points[-1]
+        found.append(SplinePath(_through(waypoints, guess, index, control)))
+    return tuple(found)
+
+
+def held_yaw(guess: InitialPath, spline: int, run: tuple[int, int]) -> float | None:
+    """Return the prescribed heading of a run of control points, in rad; None: it is free."""
+    low, high = run
+    layout = guess.layout
+    known = [
+        float(guess.yaws[k])
+        for k in layout.waypoints(spline)
+        if low <= layout.local(spline, k) <= high - 2 and np.isfinite(guess.yaws[k])
+    ]
+    return known[0] if known else None
+
+
+def _through(
     waypoints: Sequence[MotionWaypoint],
-    yaws: Float[Array, " waypoints"],
-    layout: Layout,
+    guess: InitialPath,
     spline: int,
     control: Float[Array, "points 3"],
 ) -> Float[Array, "points 3"]:
     """Return the nearest control points whose spline passes its waypoints exactly."""
-    control = control.copy()
+    layout, yaws = guess.layout, guess.yaws
+    for run in guess.held[spline]:
+        inside = slice(run[0], run[1] + 1)
+        yaw = held_yaw(guess, spline, run)
+        control[inside, 2] = control[inside, 2].mean() if yaw is None else yaw
     basis = spline_basis(len(control))
     for columns, wanted in (
         ([0, 1], [(k, (w.x, w.y)) for k, w in enumerate(waypoints) if w.fixed]),

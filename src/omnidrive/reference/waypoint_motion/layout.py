@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint
+from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
 
-_PIECES = 32
+_PIECES = 20
 """Number of pieces that all legs share by their lengths."""
 
 _LEAST = 5
@@ -85,3 +85,24 @@ class Layout(NamedTuple):
                 yield Part(spline, a - start, b - start)
             elif first == last and start <= low < end + (end == self.starts[-1]):
                 yield Part(spline, low - start, low - start)
+
+    def held(self, sections: Sequence[Section], spline: int) -> list[tuple[int, int]]:
+        """Return the runs of control points of a spline whose headings are equal.
+
+        They are those of pieces in sections with a yaw rate of 0. Each run is given by its first
+        and its last control point; piece k depends on the control points k to k + 3.
+        """
+        runs: list[tuple[int, int]] = []
+        spans = sorted(
+            (part.first, part.last + 2)
+            for each in sections
+            if each.max_yaw_rate == 0.0
+            for part in self.parts(each.first, each.last)
+            if part.spline == spline
+        )
+        for low, high in spans:
+            if runs and low <= runs[-1][1]:
+                runs[-1] = (runs[-1][0], max(high, runs[-1][1]))
+            else:
+                runs.append((low, high))
+        return runs

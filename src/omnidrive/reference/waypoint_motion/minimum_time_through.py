@@ -19,7 +19,7 @@ from omnidrive.reference.time_parameterization import PathSections, time_optimal
 from omnidrive.reference.timed_reference import TimedReference
 from omnidrive.reference.transcription import casadi
 from omnidrive.reference.waypoint_motion.constraints import constraints_of, margins
-from omnidrive.reference.waypoint_motion.faults import TOLERANCE, check_problem
+from omnidrive.reference.waypoint_motion.faults import TOLERANCE, check_guess, check_problem
 from omnidrive.reference.waypoint_motion.initial_path import InitialPath, initial_path, through
 from omnidrive.reference.waypoint_motion.layout import Layout
 from omnidrive.reference.waypoint_motion.program import Problem, Program
@@ -37,7 +37,7 @@ class WaypointMotion:
         waypoint_times: Time at which it passes each waypoint, in s.
         status: Origin of the motion. ``converged``: a local optimum of the discretised problem;
             ``capped``: the solver stopped before convergence; ``guess``: the initial path, because
-            the solver found none that satisfies all constraints.
+            the solver found no faster one that satisfies all constraints.
         message: One sentence on the result.
         margins: Lower bound of the margin of each constraint on poses, by its name; m, and rad for
             headings. At least -1e-5.
@@ -57,6 +57,7 @@ def minimum_time_through(
     sections: Sequence[Section] = (),
     *,
     body_radius: float = 0.0,
+    guess: Sequence[Float[Array, "poses 3"]] = (),
 ) -> WaypointMotion:
     """Return the fastest motion through ``waypoints`` that the solver finds.
 
@@ -72,6 +73,9 @@ def minimum_time_through(
         sections: Constraints between waypoints; in messages they are numbered from 0.
         body_radius: Radius of the disc around the origin of B that stays in and out of regions, in
             m; 0: only the origin.
+        guess: Poses of a known motion from each waypoint to the next, from which the optimisation
+            starts, one array for each leg; x and y in m, yaw in rad. Empty: straight legs and ways
+            around regions.
 
     Raises:
         InvalidInput: The problem has faults, such as a waypoint inside a keep-out region; the
@@ -82,24 +86,16 @@ def minimum_time_through(
     casadi("a motion through waypoints needs", "")
     points = tuple(waypoints)
     counted = check_problem(points, sections, body_radius)
+    check_guess(guess, len(points) - 1)
     rows = limit_rows(chassis, limits)
     constraints = tuple(constraints_of(points, counted))
     section_limits = tuple((each, _rows(each, k)) for k, each in enumerate(counted))
     problem = Problem(points, constraints, rows, section_limits, body_radius)
-    guess = initial_path(points, constraints, body_radius)
-    timed = _timed(problem, guess.layout, guess.paths)
-    program = Program(problem, guess, timed)
-    solution = program.solve()
-    found = _through(problem, guess, solution.paths)
-    status: Literal["converged", "capped", "guess"]
-    status = "converged" if solution.converged else "capped"
-    if not _holds(problem, guess.layout, found):
-        found, status = guess.paths, "guess"
-        if not _holds(problem, guess.layout, found):
-            raise NoPathFound(_blame(problem, program))
-    reference = _timed(problem, guess.layout, found)
-    nodes = guess.layout.nodes * (len(reference.squared_speeds) - 1) // guess.layout.nodes[-1]
-    bounds = margins(constraints, guess.layout, found, body_radius)
+    start = initial_path(points, counted, constraints, body_radius, guess)
+    layout = start.layout
+    found, status, reference = _fastest(problem, start)
+    nodes = layout.nodes * (len(reference.squared_speeds) - 1) // layout.nodes[-1]
+    bounds = margins(constraints, layout, found, body_radius)
     return WaypointMotion(
         reference,
         reference.times[nodes],
@@ -107,6 +103,27 @@ def minimum_time_through(
         f"{reference.duration:.3f} s through {len(points)} waypoints",
         {each.name: bound for each, bound in zip(constraints, bounds, strict=True)},
     )
+
+
+def _fastest(
+    problem: Problem, start: InitialPath
+) -> tuple[tuple[SplinePath, ...], Literal["converged", "capped", "guess"], TimedReference]:
+    """Return the faster of the solution and the initial path that satisfies all constraints.
+
+    Raises:
+        NoPathFound: Neither satisfies all constraints.
+    """
+    timed = _timed(problem, start.layout, start.paths)
+    program = Program(problem, start, timed)
+    solution = program.solve()
+    found = through(problem.waypoints, start, solution.paths)
+    if _holds(problem, start.layout, found):
+        reference = _timed(problem, start.layout, found)
+        if reference.duration <= timed.duration or not _holds(problem, start.layout, start.paths):
+            return found, "converged" if solution.converged else "capped", reference
+    elif not _holds(problem, start.layout, start.paths):
+        raise NoPathFound(_blame(problem, program))
+    return start.paths, "guess", timed
 
 
 def _rows(section: Section, number: int) -> tuple[LimitRows, ...]:
@@ -124,7 +141,7 @@ def _rows(section: Section, number: int) -> tuple[LimitRows, ...]:
     return tuple(
         group._replace(name=f"{group.name} of section {number}", rows=group.rows / limit)
         for group, limit in groups
-        if isfinite(limit)
+        if isfinite(limit) and limit > 0.0  # with a yaw rate of 0 the path does not turn
     )
 
 
@@ -140,20 +157,6 @@ def _timed(problem: Problem, layout: Layout, paths: Sequence[SplinePath]) -> Tim
     )
     stops = tuple((layout.starts[1:-1] * scale).tolist())
     return time_optimal_reference(path, problem.limits, sections=PathSections(limits, stops))
-
-
-def _through(
-    problem: Problem, guess: InitialPath, paths: Sequence[SplinePath]
-) -> tuple[SplinePath, ...]:
-    """Return the splines, moved by the solver's tolerance to pass waypoints and to meet."""
-    found: list[SplinePath] = []
-    for index, path in enumerate(paths):
-        control = path.control_points.copy()
-        if found:
-            control[0] = found[-1].control_points[-1]
-        control = through(problem.waypoints, guess.yaws, guess.layout, index, control)
-        found.append(SplinePath(control))
-    return tuple(found)
 
 
 def _holds(problem: Problem, layout: Layout, paths: Sequence[SplinePath]) -> bool:

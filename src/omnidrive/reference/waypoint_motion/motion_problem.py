@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from omnidrive.errors import InvalidInput, InvalidReference, one_line, short_repr
 from omnidrive.files.str_path import StrPath, to_path
 from omnidrive.reference.waypoint_motion.choreo_problem import choreo_problem
 from omnidrive.reference.waypoint_motion.pathplanner_problem import pathplanner_problem
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.waypoint_problem import MotionProblem
 from omnidrive.reference.waypoints.field import read_json
-
-
-@dataclass(frozen=True, slots=True)
-class MotionProblem:
-    """Arguments of :func:`minimum_time_through`.
-
-    Attributes:
-        waypoints: The waypoints.
-        sections: Constraints between them.
-    """
-
-    waypoints: tuple[MotionWaypoint, ...]
-    sections: tuple[Section, ...]
 
 
 def load_motion_problem(path: StrPath) -> MotionProblem:
     """Read the waypoints and constraints of a Choreo (`.traj`) or PathPlanner (`.path`) file.
 
-    Nothing is optimised, and samples and curves are not read as a path: a PathPlanner path between
-    its waypoints is free. The motion rests at both ends; velocities at the ends of a file are not
-    read. Tolerances of headings below 0.01 rad are raised to that.
+    Nothing is optimised. The samples of a Choreo file are the guess, from which the optimisation
+    starts; the curves of a PathPlanner path are not, it is free between its waypoints. A flat
+    Choreo file of 2024 has no waypoints: the ends of its samples and their rests are taken.
+    The motion rests at both ends; velocities at the ends of a file are not read. Tolerances of
+    headings below 0.01 rad and half-widths of lanes below 1 mm are raised to that.
 
     Args:
         path: File name.
@@ -49,9 +36,8 @@ def load_motion_problem(path: StrPath) -> MotionProblem:
         )
     root = read_json(file)
     try:
-        waypoints, sections = reader(root)
+        return reader(root)
     except InvalidReference:
         raise
     except InvalidInput as error:
         raise InvalidReference(f"{root.file}: {error}") from None
-    return MotionProblem(tuple(waypoints), tuple(sections))

@@ -16,12 +16,13 @@ import numpy as np
 
 from omnidrive.geometry import wrap
 from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.waypoint_problem import MotionProblem
 from omnidrive.reference.waypoints.bezier_chain import chain_points
 from omnidrive.reference.waypoints.field import Field
 from omnidrive.reference.waypoints.pathplanner import curves_of, rotation_targets
 
 
-def pathplanner_problem(root: Field) -> tuple[list[MotionWaypoint], list[Section]]:
+def pathplanner_problem(root: Field) -> MotionProblem:
     """Return waypoints and sections of a path.
 
     Raises:
@@ -33,20 +34,20 @@ def pathplanner_problem(root: Field) -> tuple[list[MotionWaypoint], list[Section
     limits = [(_range(zone, count), zone["constraints"]) for zone in _list(root, "constraintZones")]
     aims = [(_range(zone, count), zone) for zone in _list(root, "pointTowardsZones")]
     aims = [(bounds, zone) for bounds, zone in aims if bounds[1] > bounds[0]]
-    at = {*map(float, range(count + 1)), *targets}
-    at.update(value for bounds, _ in [*limits, *aims] for value in bounds)
-    places = sorted(at)
+    breaks = {*map(float, range(count + 1)), *targets}
+    breaks.update(value for bounds, _ in [*limits, *aims] for value in bounds)
+    places = sorted(breaks)
     points = chain_points(curves, np.array(places))
+    rests = _rests(root)
     waypoints = []
     for place, (x, y) in zip(places, points.tolist(), strict=True):
         inside = any(low <= place <= high for (low, high), _ in aims)
         yaw = None if inside else targets.get(place)
         yaw = None if yaw is None else wrap(yaw)
-        waypoints.append(MotionWaypoint(x, y, yaw))
+        waypoints.append(MotionWaypoint(x, y, yaw, stop=place in rests))
     sections = []
-    everywhere = root.get("globalConstraints")
-    if everywhere is not None:
-        limits.append(((0.0, float(count)), everywhere))
+    everywhere = root.get("globalConstraints") or root  # in files of 2023, of the file itself
+    limits.append(((0.0, float(count)), everywhere))
     for first, last, given in _first_limits(places, limits):
         unlimited = given.get("unlimited")
         if unlimited is None or unlimited.value is not True:
@@ -60,13 +61,28 @@ def pathplanner_problem(root: Field) -> tuple[list[MotionWaypoint], list[Section
                     max_yaw_acceleration=radians(_limit(given, "maxAngularAcceleration")),
                 )
             )
+    for k, each in enumerate(root["waypoints"].items()):
+        override = each.get("velOverride")  # in files of 2023
+        if override is not None and override.number() > 0.0:
+            at = places.index(float(k))
+            sections.append(Section(at, at, max_speed=override.number()))
     for (low, high), zone in aims:
         target, offset = zone["fieldPosition"], zone.get("rotationOffset")
         turn = 0.0 if offset is None else radians(offset.number())
         point = (target["x"].number(), target["y"].number())
         first, last = places.index(low), places.index(high)
         sections.append(Section(first, last, point_at=point, point_offset=turn))
-    return waypoints, sections
+    return MotionProblem(tuple(waypoints), tuple(sections))
+
+
+def _rests(root: Field) -> set[float]:
+    """Return the path parameters of the stops and reversals of a file of 2023."""
+    return {
+        float(k)
+        for k, each in enumerate(root["waypoints"].items())
+        for key in ("isStopPoint", "isReversal")
+        if (found := each.get(key)) is not None and found.value is True
+    }
 
 
 def _first_limits(

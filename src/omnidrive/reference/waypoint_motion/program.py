@@ -21,7 +21,7 @@ from omnidrive.reference.transcription import (
     spline_motion,
 )
 from omnidrive.reference.waypoint_motion.constraints import Constraint
-from omnidrive.reference.waypoint_motion.initial_path import InitialPath
+from omnidrive.reference.waypoint_motion.initial_path import InitialPath, held_yaw
 from omnidrive.reference.waypoint_motion.layout import Layout, Part
 from omnidrive.reference.waypoint_motion.regions import Disc, separation
 from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
@@ -51,10 +51,8 @@ _OPTIONS = {
     "ipopt.acceptable_iter": 6,
     "ipopt.acceptable_constr_viol_tol": 1e-4,
     "ipopt.max_iter": 120,
+    "ipopt.mu_init": 1e-3,  # the initial speeds are optimal along the initial path
 }
-
-_LARGE = 200
-"""Number of control points above which the program is not expanded into scalar operations."""
 
 
 class Problem(NamedTuple):
@@ -139,14 +137,12 @@ class Program:
             for part in layout.parts(section.first, section.last):
                 self._add_constraint(constraint, number, part, splines[part.spline])
         cost += _PENALTY * self._ca.sum1(self._slacks)
-        points = sum(len(path.control_points) for path in guess.paths)
         nlp = {
             "x": self._ca.vertcat(*self._unknowns, self._slacks),
             "f": cost,
             "g": self._ca.vertcat(*self._rows),
         }
-        options = _OPTIONS | {"expand": points <= _LARGE}
-        self._solver = self._ca.nlpsol("waypoints", "ipopt", nlp, options)
+        self._solver = self._ca.nlpsol("waypoints", "ipopt", nlp, _OPTIONS)
 
     def solve(self, *, elastic: bool = False) -> Solution:
         """Return the motion that the solver finds.
@@ -196,7 +192,17 @@ class Program:
         ca, points = self._ca, self._guess.paths[index].control_points
         free = np.full(points.size, np.inf)
         count, nodes = len(points), (len(points) - 3) * PER_PIECE + 1
-        control = ca.reshape(self._unknown("p", points.ravel(), -free, free), 3, count)
+        low, high = -free, free.copy()
+        for run in self._guess.held[index]:
+            yaw = held_yaw(self._guess, index, run)
+            if yaw is not None:
+                inside = slice(3 * run[0] + 2, 3 * run[1] + 3, 3)
+                low[inside] = high[inside] = yaw
+        control = ca.reshape(self._unknown("p", points.ravel(), low, high), 3, count)
+        for first, last in self._guess.held[index]:
+            if held_yaw(self._guess, index, (first, last)) is None:
+                yaws = control[2, first : last + 1]
+                self._row(yaws[1:] - yaws[:-1], 0.0, 0.0)
         speeds = _speeds(timed, self._guess.layout, index)
         minimum = _MIN * float(speeds.max())
         inner = np.maximum(0.8 * speeds[1:-1], 2.0 * minimum)
@@ -219,6 +225,9 @@ class Program:
         layout = self._guess.layout
         for k in layout.waypoints(index):
             each, yaw = self._problem.waypoints[k], float(self._guess.yaws[k])
+            at = layout.local(index, k)
+            if any(low <= at <= high - 2 for low, high in self._guess.held[index]):
+                yaw = np.nan  # a bound of the control points
             if not (each.fixed or np.isfinite(yaw)):
                 continue
             pose = self._poses(spline, np.array([float(layout.local(index, k))]))

@@ -41,7 +41,7 @@ class Section:
         last: Index of the last waypoint, likewise.
         max_speed: Largest speed of the origin of B, in m/s.
         max_acceleration: Largest acceleration of the origin of B, in m/s^2.
-        max_yaw_rate: Largest yaw rate, in rad/s.
+        max_yaw_rate: Largest yaw rate, in rad/s; 0: the heading is constant.
         max_yaw_acceleration: Largest yaw acceleration, in rad/s^2.
         keep_in: Regions in which the robot stays.
         keep_out: Regions outside of which the robot stays.
