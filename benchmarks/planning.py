@@ -8,7 +8,8 @@ only this query, once, and the ratio refers to it. Our path lengths are checked 
 and must not exceed those of peers with the same moves.
 
 Rows on paths (planning_paths.py) compare plans with costs with the shortest ones, and headings;
-they give the processor time of plans of the polygon of a robot, and measure time limits.
+they give the processor time of plans of the polygon of a robot, and measure time limits. Rows on
+motions through waypoints (planning_motions.py) need files of Choreo and PathPlanner (--motions).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from typing import Any
 import numpy as np
 from figures import at_most, console, publish, ratio, row
 from peer_process import PeerProcess
+from planning_motions import motion_rows
 from planning_paths import cost_rows, footprint_rows, heading_rows
 from planning_time_limits import time_limit_rows
 from scipy import ndimage
@@ -188,9 +190,15 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     parser.add_argument("--sizes", type=int, nargs="+", default=list(QUERIES))
     parser.add_argument("--maps", type=Path, nargs="*", default=[], help="map files with costs")
+    parser.add_argument("--motions", type=Path, help="folder with .traj, .path and .chor files")
+    parser.add_argument("--motions-only", action="store_true", help="only rows on these files")
     parser.add_argument("--paths-only", action="store_true", help="no searches beside peers")
     arguments = parser.parse_args()
+    if arguments.motions_only:
+        publish("planning-motions", list(motion_rows(arguments.motions)))
+        return
     rows = [*cost_rows(arguments.maps), *time_limit_rows(), *heading_rows(), *footprint_rows()]
+    rows += motion_rows(arguments.motions)
     if arguments.paths_only:
         publish("planning", rows)
         return
