@@ -439,3 +439,21 @@ def test_path_never_enters_an_obstacle(seed, yaw):
     assert not any(grid.is_occupied(x, y) for x, y in window[:, :2].tolist())
     pieces = found.corridor.pieces(48)
     assert found.corridor.contains(found.path.control_points, pieces)
+
+
+def test_time_limit_leaves_the_best_path_so_far():
+    grid, path = room()
+    found = minimum_time(path, PAPER, PAPER_LIMITS, grid, time_limit=1e-6)
+    start = time_within_limits(path, PAPER, PAPER_LIMITS)
+    assert found.status in {"guess", "fallback"}
+    assert found.reference.duration <= start.duration
+    with pytest.raises(InvalidInput, match="time limit must be positive, got 0 s"):
+        minimum_time(path, PAPER, PAPER_LIMITS, grid, time_limit=0.0)
+
+
+def test_solver_stops_at_the_time_limit(monkeypatch):
+    """The time limit reaches the solver, which then has not converged."""
+    grid, path = room()
+    monkeypatch.setattr(transcription.Deadline, "left", lambda _self: 1e-3)
+    found = minimum_time(path, PAPER, PAPER_LIMITS, grid, time_limit=600.0)
+    assert found.status in {"capped", "guess", "fallback"}

@@ -63,12 +63,23 @@ def test_disc_is_planned_as_without_an_outline(scenario, tmp_path, heading):
     ("timing", "fault"),
     [
         ({"law": "limits", "heading": "tangent"}, "heading 'tangent' contradicts"),
-        ({"law": "minimum-time"}, "use limits"),
+        ({"law": "limits", "heading": "fixed"}, "heading 'fixed' contradicts"),
     ],
 )
 def test_other_headings_are_refused(scenario, timing, fault):
     with pytest.raises(InvalidReference, match=fault):
         plan_and_check(scenario(timing=timing))
+
+
+def test_minimum_time_of_the_polygon_is_proved(scenario):
+    slower = plan_and_check(scenario())
+    planned = plan_and_check(scenario(timing={"law": "minimum-time"}))
+    assert planned.plan.shape == "polygon"
+    assert planned.note.startswith("converged: ")
+    assert planned.shortest < slower.shortest
+    poses = planned.reference(8.0).window(0.0, 1601, 0.005)[:, :3]
+    distance = pose_distance(planned.obstacles, Polygon.of(np.array(BOX)), poses)
+    assert 0.0 <= planned.clearance_bounds[0] <= distance + 1e-9
 
 
 def test_no_way_even_for_the_polygon(scenario):

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from time import perf_counter
 from typing import NamedTuple
+
+from omnidrive.errors import InvalidInput
 
 _WITH_PATH, _WITHOUT_PATH = 0.5, 0.55
 """Share of the time limit for the search, with a path so far and without one."""
+_SHORT = 1e-3  # s
 _FEW = 0.02  # share of the time limit that the result takes at least
 
 
@@ -22,6 +26,25 @@ class Deadline(NamedTuple):
     began: float
     limit: float
     clock: Callable[[], float]
+
+    @classmethod
+    def of(cls, limit: float, clock: Callable[[], float] = perf_counter) -> Deadline:
+        """Return a time limit that begins now.
+
+        Raises:
+            InvalidInput: The limit is not positive.
+        """
+        check_time_limit(limit)
+        return cls(clock(), limit, clock)
+
+    @property
+    def remaining(self) -> float:
+        """Time until the end, s; negative after it."""
+        return self.limit - self.elapsed()
+
+    def left(self) -> float:
+        """Return the time until the end, s; at least 1 ms."""
+        return max(self.remaining, _SHORT)
 
     def elapsed(self) -> float:
         """Return the time since the beginning, s."""
@@ -40,3 +63,13 @@ class Deadline(NamedTuple):
         """
         until = self.limit * (1.0 - _FEW) - 4.0 * step
         return lambda: self.elapsed() >= until
+
+
+def check_time_limit(limit: float) -> None:
+    """Check a time limit in s.
+
+    Raises:
+        InvalidInput: It is not positive.
+    """
+    if not limit > 0.0:
+        raise InvalidInput(f"the time limit must be positive, got {limit:g} s")

@@ -15,7 +15,7 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, NoPathFound
 from omnidrive.maps import CostMap, Inflation, OccupancyGrid
 from omnidrive.planning.clearance import Obstacles
-from omnidrive.planning.deadline import Deadline
+from omnidrive.planning.deadline import Deadline, check_time_limit
 from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import Path
 from omnidrive.planning.plan import PathOptions, Plan, PlanStatus, Waypoint
@@ -241,8 +241,7 @@ class Planner:
         """
         deadline = None
         if time_limit is not None:
-            if not time_limit > 0.0:
-                raise InvalidInput(f"the time limit must be positive, got {time_limit:g} s")
+            check_time_limit(time_limit)
             if not (self._is_limited and self._searcher is not None):
                 self.prepare()
             deadline = Deadline(clock(), time_limit, clock)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from types import ModuleType
@@ -13,6 +14,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference, MissingExtra
 from omnidrive.planning import SplinePath
+from omnidrive.planning.deadline import Deadline
 from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.piecewise_path import PiecewisePath
 from omnidrive.reference.spline_basis import bezier_basis, spline_basis
@@ -82,7 +84,10 @@ class OptimisedPath(NamedTuple):
 
 
 def optimise_path(
-    guesses: list[InitialGuess], length: float, limits: tuple[LimitRows, ...]
+    guesses: list[InitialGuess],
+    length: float,
+    limits: tuple[LimitRows, ...],
+    deadline: Deadline | None = None,
 ) -> OptimisedPath:
     """Return the fastest of the guesses and of the local optima from the fastest one or two.
 
@@ -90,6 +95,7 @@ def optimise_path(
         guesses: Splines with the same number of control points, within their bounds.
         length: Length of the path, in m, which scales the weight of uneven control points.
         limits: Limits of the motion.
+        deadline: Time limit; None: no limit.
 
     Raises:
         MissingExtra: CasADi is not installed.
@@ -102,8 +108,15 @@ def optimise_path(
     ]
     order = sorted(range(len(guesses)), key=lambda k: found[k].reference.duration)
     bounded = guesses[0].hull is not None
-    transcription = Transcription(len(guesses[0].low), length, limits, bounded=bounded)
-    for k in order[: 1 if transcription.large else _STARTS]:
+    points = len(guesses[0].low)
+    tried = order[: 1 if points > _LARGE else _STARTS]
+    transcription = Transcription(
+        points, length, limits, bounded=bounded,
+        time_limit=None if deadline is None else deadline.left,
+    )  # fmt: skip
+    for k in tried:
+        if deadline is not None and deadline.remaining <= 0.0:
+            break
         path, converged = transcription.solve(guesses[k], found[k].reference)
         source: Literal["converged", "capped"] = "converged" if converged else "capped"
         with suppress(InvalidReference):  # the solver may return a path that does not move
@@ -129,19 +142,34 @@ class Transcription:
         length: Length of the path, in m, which scales the weight of uneven control points.
         limits: Limits of the motion.
         bounded: Whether the guesses bound their Bezier points.
-
-    Attributes:
-        large: Whether the number of control points makes every solution expensive.
+        time_limit: Returns the time limit of each solution, in s; None: no limit.
 
     Raises:
         MissingExtra: CasADi is not installed.
     """
 
     def __init__(
-        self, points: int, length: float, limits: tuple[LimitRows, ...], *, bounded: bool = False
+        self,
+        points: int,
+        length: float,
+        limits: tuple[LimitRows, ...],
+        *,
+        bounded: bool = False,
+        time_limit: Callable[[], float] | None = None,
     ) -> None:
-        self.large = points > _LARGE
-        self._solver, self._low = _program(casadi(), points, length / points, limits, bounded)
+        self._points, self._time_limit = points, time_limit
+        self._solver: Any = None
+        self._problem, self._low = _program(casadi(), points, length / points, limits, bounded)
+
+    def _made(self) -> Any:
+        """Return the solver, a new one if its time is limited."""
+        options = _OPTIONS | {"expand": self._points <= _LARGE}
+        if self._time_limit is not None:
+            options |= {"ipopt.max_wall_time": self._time_limit()}
+        elif self._solver is not None:
+            return self._solver
+        self._solver = casadi().nlpsol("minimum_time", "ipopt", self._problem, options)
+        return self._solver
 
     def solve(self, guess: InitialGuess, timed: TimedReference) -> tuple[SplinePath, bool]:
         """Return the solver's path from ``guess``, and whether it converged.
@@ -158,7 +186,8 @@ class Transcription:
         if guess.hull is not None:
             low = np.concatenate([low, guess.hull[:, :2].ravel()])
             high = np.concatenate([high, guess.hull[:, 2:].ravel()])
-        result = self._solver(
+        solver = self._made()
+        result = solver(
             x0=np.concatenate([points.ravel(), inner]),
             lbx=np.concatenate([guess.low.ravel(), np.full(len(inner), minimum)]),
             ubx=np.concatenate([guess.high.ravel(), np.full(len(inner), np.inf)]),
@@ -169,7 +198,7 @@ class Transcription:
         if not np.isfinite(found).all():
             return guess.path, False
         path = SplinePath(_limit_step(points, np.clip(found, guess.low, guess.high), guess.hull))
-        return path, bool(self._solver.stats()["success"])
+        return path, bool(solver.stats()["success"])
 
 
 def casadi(
@@ -226,8 +255,8 @@ def _speeds(timed: TimedReference, pieces: int) -> Float[Array, " nodes"]:
 
 def _program(
     ca: ModuleType, points: int, spacing: float, limits: tuple[LimitRows, ...], bounded: bool
-) -> tuple[Any, Float[Array, " rows"]]:
-    """Return the solver of the nonlinear program, and the lower bounds of its constraints.
+) -> tuple[dict[str, Any], Float[Array, " rows"]]:
+    """Return the nonlinear program, and the lower bounds of its constraints.
 
     The upper bounds are 1.
     """
@@ -254,8 +283,7 @@ def _program(
         corners = control[:2, :] @ ca.sparsify(ca.DM(bezier_basis(points)), 1e-12).T
         rows = ca.vertcat(rows, ca.vec(corners))
     problem = {"x": ca.vertcat(flat, inner), "f": cost, "g": rows}
-    options = _OPTIONS | {"expand": points <= _LARGE}
-    return ca.nlpsol("minimum_time", "ipopt", problem, options), low
+    return problem, low
 
 
 def limit_functions(ca: ModuleType, limits: tuple[LimitRows, ...]) -> tuple[Any, Any]:

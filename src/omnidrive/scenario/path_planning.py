@@ -87,13 +87,9 @@ def _polygon_plan(
 
 def _check_timing(timing: TimingSection) -> None:
     """Check that the timing keeps the headings of the path, which are those of the polygon."""
-    if timing.law == "minimum-time":
-        asked = "the timing minimum-time changes path and headings: use limits"
-    elif timing.heading != "path":
-        asked = f"the heading '{timing.heading}' contradicts them: use the heading path"
-    else:
+    if timing.heading == "path":
         return
     raise InvalidReference(
         "only the polygon of the robot has a path, with headings at which it fits between the "
-        f"obstacles; {asked}"
+        f"obstacles; the heading '{timing.heading}' contradicts them: use the heading path"
     )

@@ -312,6 +312,7 @@ def _timed(
     assert scenario.start is not None
     assert scenario.goal is not None
     if timing.law == "minimum-time":
+        is_polygon = isinstance(plan_, FootprintPlan) and plan_.shape == "polygon"
         result = minimum_time(
             plan_.spline,
             chassis,
@@ -319,6 +320,7 @@ def _timed(
             plan_.free_space,
             start_yaw=scenario.start.yaw,
             goal_yaw=scenario.goal.yaw,
+            footprint=np.array(robot.outline) if is_polygon else None,
         )
         return result.path, result.reference, f"{result.status}: {result.message}"
     reference = time_within_limits(

@@ -1,7 +1,7 @@
 """Planning with the polygon of the robot at each heading."""
 
 from omnidrive.geometry.polygon import Polygon
-from omnidrive.planning.footprint.clearance import footprint_clearance
+from omnidrive.planning.footprint.clearance import footprint_clearance, unproved_pieces
 from omnidrive.planning.footprint.plan_footprint import (
     FootprintPlan,
     disc_failure,
@@ -28,4 +28,5 @@ __all__ = [
     "plan_polygon",
     "pose_distance",
     "search_poses",
+    "unproved_pieces",
 ]

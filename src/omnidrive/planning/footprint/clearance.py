@@ -56,8 +56,7 @@ def footprint_clearance(
     if not (np.isfinite(tolerance) and tolerance > 0.0):
         raise InvalidInput(f"the tolerance must be positive, got {tolerance:g} cells")
     polygon, frame = Polygon.of(footprint), GridFrame.of(grid)
-    curve = pieces(poses_in_cells(grid, frame, path.control_points))
-    motion, squares = motion_of(polygon, frame, curve), Squares.of(grid)
+    curve, motion, squares = _moving(grid, polygon, frame, path)
     yaw = float(path.control_points[0, 2])
     corners = path.control_points[0, :2] + polygon.turned(polygon.corners, yaw)
     limit = float(grid.clearance(corners).min()) / frame.resolution
@@ -68,11 +67,37 @@ def footprint_clearance(
         proved = greatest_margin(squares, motion, limit, tolerance, HALVINGS)
     if proved >= 0.0:
         return max(proved - frame.rounding, 0.0) * frame.resolution
-    near = [
-        j for j in range(len(curve.positions) - 1)
-        if not keeps_margin(squares, motion, j, 0.0, HALVINGS)
-    ]  # fmt: skip
+    near = _unproved(squares, motion)
     return min(_depth(grid, polygon, frame, curve.piece(j)) for j in near or [0])
+
+
+def unproved_pieces(
+    grid: OccupancyGrid, footprint: Float[Array, "corners 2"], path: SplinePath
+) -> list[int]:
+    """Return the pieces of a path along which a polygon is not proved to be free.
+
+    If there are none, :func:`footprint_clearance` is 0 or more. Piece 0 is proved only if the
+    polygon as a whole is free at the start. Arguments and errors as there.
+    """
+    polygon, frame = Polygon.of(footprint), GridFrame.of(grid)
+    curve, motion, squares = _moving(grid, polygon, frame, path)
+    found = _unproved(squares, motion)
+    is_free = start_is_free(squares, polygon, frame, curve.positions[0])
+    return found if is_free else sorted({0, *found})
+
+
+def _moving(
+    grid: OccupancyGrid, polygon: Polygon, frame: GridFrame, path: SplinePath
+) -> tuple[Pieces, Motion, Squares]:
+    """Return the path in cells, the motion of the polygon along it, and the occupied squares."""
+    curve = pieces(poses_in_cells(grid, frame, path.control_points))
+    return curve, motion_of(polygon, frame, curve), Squares.of(grid)
+
+
+def _unproved(squares: Squares, motion: Motion) -> list[int]:
+    """Return the pieces along which the outline is not proved to be free."""
+    count = len(motion.poses) - 1
+    return [j for j in range(count) if not keeps_margin(squares, motion, j, 0.0, HALVINGS)]
 
 
 def poses_in_cells(
