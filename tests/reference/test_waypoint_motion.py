@@ -209,3 +209,11 @@ def test_needs_casadi(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(MissingExtra, match="pip install casadi"):
         through(ACROSS)
+
+
+def test_time_limit_ends_the_optimisation():
+    motion = through(ACROSS, time_limit=600.0)
+    assert motion.reference.duration == pytest.approx(through(ACROSS).reference.duration)
+    assert through(ACROSS, time_limit=1e-9).status in {"capped", "guess"}
+    with pytest.raises(InvalidInput, match="time limit must be positive, got nan s"):
+        through(ACROSS, time_limit=float("nan"))

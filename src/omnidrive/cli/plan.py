@@ -17,6 +17,19 @@ from omnidrive.cli.terminal import conclude, note, print_json, show
 from omnidrive.errors import InvalidInput, one_line
 from omnidrive.study.output_paths import POSE_FORMATS
 
+FigureOption = Annotated[
+    Path | None,
+    option("FILE.png", "Draw map, path and speeds; .svg is supported too.", RESULTS_PANEL),
+]
+TimeLimitOption = Annotated[
+    float | None,
+    option(
+        "S",
+        "Time for search and smoothing of the path, and again for the optimisation of --timing "
+        "minimum-time, s; results then depend on the load of the computer [default: no limit].",
+        PATH_PANEL,
+    ),
+]
 _MAX_LISTED = 10  # queries listed in the text output
 _SEARCH_OPTIONS = {"scenario", "map", "search", "unknown"}  # options that --scen uses
 
@@ -43,10 +56,7 @@ def plan(
             RESULTS_PANEL,
         ),
     ] = None,
-    png: Annotated[
-        Path | None,
-        option("FILE.png", "Draw map, path and speeds; .svg is supported too.", RESULTS_PANEL),
-    ] = None,
+    png: FigureOption = None,
     html: Annotated[
         Path | None,
         option(
@@ -55,6 +65,7 @@ def plan(
             RESULTS_PANEL,
         ),
     ] = None,
+    time_limit: TimeLimitOption = None,
     json: JsonOption = False,
 ) -> None:
     """Search, smooth and time a path, and report its use of the robot's limits.
@@ -75,43 +86,44 @@ def plan(
     from omnidrive.compiled import announce_compiling
 
     if scen is not None:
-        _check_search_options(shared, out=out, png=png, html=html)
+        _check_search_options(shared, out=out, png=png, html=html, time_limit=time_limit)
         _solve(shared, scen, json)
         return
     study.check_plan_targets(out, png, html)
     with announce_compiling():
-        planned = _planned(shared)
-    _report(planned, out, png, html, json)
+        planned = _planned(shared, time_limit)
+    _report(planned, (out, png, html), json, time_limit is not None)
 
 
-def _planned(shared: ScenarioOptions) -> scenarios.PlannedScenario:
+def _planned(shared: ScenarioOptions, time_limit: float | None) -> scenarios.PlannedScenario:
     """Plan the path, and its timing unless the scenario has one."""
     is_timed_here = (
         shared.speed is not None
         or shared.map_file is not None
         or shared.defines_motion
         or shared.timing in {"limits", "minimum-time"}
+        or (time_limit is not None and shared.max_speed is not None)
     )
     if is_timed_here and shared.duration is None:
-        return scenarios.plan_at(shared.resolve(retimed=False), shared.speed)
-    return scenarios.plan_and_check(shared.resolve())
+        return scenarios.plan_at(shared.resolve(retimed=False), shared.speed, time_limit)
+    return scenarios.plan_and_check(shared.resolve(), time_limit)
 
 
 def _report(
     planned: scenarios.PlannedScenario,
-    out: Path | None,
-    png: Path | None,
-    html: Path | None,
+    files: tuple[Path | None, Path | None, Path | None],
     json: bool,
+    is_limited: bool,
 ) -> None:
-    """Print the results and write the requested files."""
+    """Print the results and write the requested files: motion, figure and page."""
     reference = planned.reference(study.planned_duration(planned))
-    facts = study.plan_facts(planned, reference)
+    facts = study.plan_facts(planned, reference, is_limited=is_limited)
     if json:
         print_json(dict(_key(*item) for item in facts.items()))
     else:
         for name, fact in facts.items():
             show(f"{name:<20}{fact}")
+    out, png, html = files
     if out:
         study.save_plan(planned, reference, out)
         if out.suffix.lower() in POSE_FORMATS:

@@ -10,7 +10,7 @@ from omnidrive.errors import InvalidInput
 
 _WITH_PATH, _WITHOUT_PATH = 0.5, 0.55
 """Share of the time limit for the search, with a path so far and without one."""
-_SHORT = 1e-3  # s
+_SHORT, _LONG = 1e-3, 1e6  # s
 _FEW = 0.02  # share of the time limit that the result takes at least
 
 
@@ -43,8 +43,8 @@ class Deadline(NamedTuple):
         return self.limit - self.elapsed()
 
     def left(self) -> float:
-        """Return the time until the end, s; at least 1 ms."""
-        return max(self.remaining, _SHORT)
+        """Return the time until the end, s; from 1 ms to some days."""
+        return min(max(self.remaining, _SHORT), _LONG)
 
     def elapsed(self) -> float:
         """Return the time since the beginning, s."""

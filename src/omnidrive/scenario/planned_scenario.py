@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidReference
+from omnidrive.errors import InvalidInput, InvalidReference
 from omnidrive.geometry import Pose
 from omnidrive.geometry.polygon import Polygon
 from omnidrive.maps import OccupancyGrid
@@ -231,23 +231,32 @@ def _above(value: float, limit: float) -> str:
     return next((text for text in texts if float(text) > float(f"{limit:g}")), repr(value))
 
 
-def plan_scenario(scenario: Scenario) -> PlannedScenario:
+def plan_scenario(scenario: Scenario, time_limit: float | None = None) -> PlannedScenario:
     """Read the map, plan the path and find the fastest motion along it, or make the reference.
+
+    Args:
+        scenario: The scenario.
+        time_limit: Time for search and smoothing of the path, and again for the optimisation with
+            the timing `minimum-time`, in s, positive; None: no limit.
 
     Raises:
         InvalidMap: The map cannot be read.
         InvalidWaypoint: The robot would touch an obstacle at start or goal.
         NoPathFound: There is no path between them.
-        InvalidInput: The name of the robot is unknown, or its parameters are not possible.
+        NoPathYet: There is none within the time limit.
+        InvalidInput: The name of the robot is unknown, its parameters are not possible, or the time
+            limit is not positive or not applicable.
         InvalidReference: The timing is not applicable to the path, or the reference is not
             possible.
         MissingExtra: The timing needs an extra that is not installed.
     """
     robot, true_robot = robot_of(scenario.robot), robot_of(scenario.true_robot)
     if scenario.reference != "path":
+        if time_limit is not None:
+            raise InvalidInput("a time limit applies to planned paths only: omit it")
         return _with_reference(scenario, robot, true_robot)
-    obstacles, plan_ = planned_path(scenario, robot)
-    path, fastest, note = _timed(scenario, robot, plan_)
+    obstacles, plan_ = planned_path(scenario, robot, time_limit)
+    path, fastest, note = _timed(scenario, robot, plan_, time_limit)
     return PlannedScenario(
         scenario, robot, true_robot, obstacles, plan_.free_space, plan_, path, fastest, note
     )
@@ -302,7 +311,7 @@ def _motion_limits(scenario: Scenario, robot: Robot) -> MotionLimits:
 
 
 def _timed(
-    scenario: Scenario, robot: Robot, plan_: ScenarioPlan
+    scenario: Scenario, robot: Robot, plan_: ScenarioPlan, time_limit: float | None
 ) -> tuple[SplinePath, LimitedReference | None, str]:
     """Return the path, the fastest motion along it, and the note on the timing."""
     timing, chassis = scenario.timing, robot.chassis
@@ -321,6 +330,7 @@ def _timed(
             start_yaw=scenario.start.yaw,
             goal_yaw=scenario.goal.yaw,
             footprint=np.array(robot.outline) if is_polygon else None,
+            time_limit=time_limit,
         )
         return result.path, result.reference, f"{result.status}: {result.message}"
     reference = time_within_limits(
@@ -336,11 +346,15 @@ def _timed(
     return plan_.spline, reference, ""
 
 
-def plan_and_check(scenario: Scenario) -> PlannedScenario:
+def plan_and_check(scenario: Scenario, time_limit: float | None = None) -> PlannedScenario:
     """Plan a scenario and check all its durations and faults before any run.
 
     A warning is logged if a reference that is not a planned path overlaps an obstacle, or exceeds
     the acceleration limits in its shortest task.
+
+    Args:
+        scenario: The scenario.
+        time_limit: As for :func:`plan_scenario`.
 
     Raises:
         InvalidReference: A duration is too short for the limits of the robot; the message states
@@ -348,7 +362,7 @@ def plan_and_check(scenario: Scenario) -> PlannedScenario:
         InvalidInput: A fault affects a wheel that the robot does not have.
         OmnidriveError: As :func:`plan_scenario`.
     """
-    planned = plan_scenario(scenario)
+    planned = plan_scenario(scenario, time_limit)
     if planned.plan is None:
         _note_excess(planned)
     task = scenario.tasks.faults

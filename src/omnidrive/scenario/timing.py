@@ -53,13 +53,16 @@ def retime(
     return _scaled(scenario, duration / durations[0]) if durations else scenario
 
 
-def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
+def plan_at(
+    scenario: Scenario, speed: float | None = None, time_limit: float | None = None
+) -> PlannedScenario:
     """Plan the scenario and scale its durations to the path, in whole sample times.
 
     Args:
         scenario: The scenario.
         speed: Mean speed in m/s; None for the duration of a motion with times of its own, and
             otherwise the shortest feasible one.
+        time_limit: As for :func:`~omnidrive.scenario.planned_scenario.plan_scenario`.
 
     Raises:
         InvalidInput: The speed is not positive or exceeds the largest one of the scenario, or a
@@ -67,7 +70,7 @@ def plan_at(scenario: Scenario, speed: float | None = None) -> PlannedScenario:
         InvalidReference: The speed exceeds the limits of the robot.
     """
     _check_speed(scenario, speed)
-    planned = plan_scenario(scenario)
+    planned = plan_scenario(scenario, time_limit)
     durations = scenario.tasks.path_durations
     if not durations:
         return planned

@@ -48,16 +48,20 @@ def planned_duration(planned: PlannedScenario) -> float:
     return durations[0] if durations else planned.natural or planned.shortest
 
 
-def plan_facts(planned: PlannedScenario, reference: Reference) -> dict[str, Fact]:
+def plan_facts(
+    planned: PlannedScenario, reference: Reference, *, is_limited: bool = False
+) -> dict[str, Fact]:
     """Return the results of planning, by name.
 
     Args:
         planned: The planned scenario.
         reference: The motion along the path.
+        is_limited: Whether a time limit held, so that the results have a status.
     """
     path = planned.path
     facts = {
         **_search_facts(planned),
+        **(_status_facts(planned) if is_limited else {}),
         "length": Fact(path.length, "m"),
         "clearance": Fact(planned.clearance_bounds[0], "m"),
     }
@@ -78,6 +82,16 @@ def plan_facts(planned: PlannedScenario, reference: Reference) -> dict[str, Fact
         },
     }
     return facts | ({"note": Fact(planned.note)} if planned.note else {})
+
+
+def _status_facts(planned: PlannedScenario) -> dict[str, Fact]:
+    """Return how far search and smoothing of a planned path got within a time limit."""
+    if planned.plan is None:
+        return {}
+    facts = {"status": Fact(planned.plan.status)}
+    if planned.plan.status == "not optimal":
+        facts["cost at most"] = Fact(planned.plan.suboptimality, "times the least")
+    return facts
 
 
 def _search_facts(planned: PlannedScenario) -> dict[str, Fact]:

@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
+from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound, NoPathYet
 from omnidrive.geometry.polygon import Polygon
 from omnidrive.maps import CostMap, OccupancyGrid
+from omnidrive.planning.deadline import Deadline
 from omnidrive.planning.footprint.clearance import (
     HALVINGS,
     footprint_clearance,
@@ -33,8 +34,8 @@ from omnidrive.planning.footprint.smoothing import smooth_poses
 from omnidrive.planning.grid_frame import GridFrame
 from omnidrive.planning.path import Path, SplinePath
 from omnidrive.planning.pieces import Pieces
-from omnidrive.planning.plan import PathOptions, Plan, Waypoint
-from omnidrive.planning.planner import plan
+from omnidrive.planning.plan import PathOptions, Plan, PlanStatus, Waypoint
+from omnidrive.planning.planner import Planner
 from omnidrive.planning.search.heuristics import STRAIGHT
 from omnidrive.planning.search.result import SearchResult
 from omnidrive.planning.waypoint_checks import LOWER_MARGIN, checked_waypoint
@@ -61,6 +62,8 @@ class FootprintPlan:
         free_space: The map inflated for the centre of the disc, or by the margin for the polygon.
         grid: The map.
         costs: Costs of the cells, None: none. The path of the polygon does not depend on them.
+        status: How far a plan with a time limit got, see :class:`~omnidrive.planning.Plan`.
+        suboptimality: Greatest possible ratio of the cost of the grid path to the least.
     """
 
     shape: Literal["disc", "polygon"]
@@ -72,6 +75,8 @@ class FootprintPlan:
     free_space: OccupancyGrid
     grid: OccupancyGrid
     costs: CostMap | None = None
+    status: PlanStatus = "complete"
+    suboptimality: float = 1.0
 
     @classmethod
     def of_disc(cls, planned: Plan, radius: float) -> FootprintPlan:
@@ -86,6 +91,8 @@ class FootprintPlan:
             planned.free_space,
             planned.grid,
             planned.costs,
+            planned.status,
+            planned.suboptimality,
         )
 
 
@@ -97,6 +104,7 @@ def plan_footprint(
     footprint: Float[Array, "corners 2"],
     inflation_margin: float = 0.0,
     options: PathOptions | None = None,
+    time_limit: float | None = None,
 ) -> FootprintPlan:
     """Plan with the disc about the robot and, if there is no such path, with its polygon.
 
@@ -113,31 +121,34 @@ def plan_footprint(
         footprint: Corners (x, y) of a simple polygon in B, in m.
         inflation_margin: Distance in m, 0 or more, by which obstacles are inflated.
         options: Options of the path for the disc; that for the polygon has only one way.
+        time_limit: Time for search and smoothing of each shape, in s, positive, see
+            :meth:`~omnidrive.planning.Planner.plan`; None: no limit.
 
     Raises:
         InvalidInput: The footprint is no simple polygon, the margin is negative or not finite, or a
-            heading seems to be in degrees.
+            heading seems to be in degrees, or the time limit is not positive.
         InvalidWaypoint: Start or goal is not numeric, or the polygon collides there.
         NoPathFound: There is no path for the polygon.
+        NoPathYet: The time was over before there was a path for the disc, or for the polygon.
     """
     if not (np.isfinite(inflation_margin) and inflation_margin >= 0.0):
         raise InvalidInput(f"the margin must be 0 m or more, got {inflation_margin:g} m")
     start, goal = checked_waypoint(grid, "start", start), checked_waypoint(grid, "goal", goal)
     radius = Polygon.of(footprint).radius
     try:
-        planned = plan(
+        planned = Planner(
             grid,
-            start,
-            goal,
             inflation=radius + inflation_margin,
-            options=options or PathOptions(),
+            options=options,
             inflation_note=f"radius {radius:.4g} + margin {inflation_margin:.4g} m",
             min_inflation=radius,
-        )
+        ).plan(start, goal, time_limit=time_limit)
+    except NoPathYet:
+        raise
     except (InvalidWaypoint, NoPathFound) as error:
         return plan_polygon(
             grid, start, goal, footprint=footprint, inflation_margin=inflation_margin,
-            reason=disc_failure(radius, error),
+            reason=disc_failure(radius, error), time_limit=time_limit,
         )  # fmt: skip
     return FootprintPlan.of_disc(planned, radius)
 
@@ -159,6 +170,7 @@ def plan_polygon(
     footprint: Float[Array, "corners 2"],
     inflation_margin: float,
     reason: str,
+    time_limit: float | None = None,
 ) -> FootprintPlan:
     """Return the plan of the polygon; ``reason``: why it is needed.
 
@@ -167,17 +179,26 @@ def plan_polygon(
     start, goal = checked_waypoint(grid, "start", start), checked_waypoint(grid, "goal", goal)
     inflated = grid.inflated(inflation_margin)
     query = _PolygonQuery(inflated, PoseSearch(inflated, footprint))
+    query.prepare()
+    deadline = None if time_limit is None else Deadline.of(time_limit)
     try:
-        found, poses = query.search(start, goal)
+        found, poses = query.search(start, goal, deadline)
+    except NoPathYet:
+        raise
     except (InvalidWaypoint, NoPathFound) as failure:
-        if inflation_margin == 0.0 or not _has_way(grid, footprint, (start, goal)):
+        has_no_time = deadline is not None and isinstance(failure, NoPathFound)
+        if inflation_margin == 0.0 or has_no_time or not _has_way(grid, footprint, (start, goal)):
             raise
         kept = f"the polygon must keep the margin of {inflation_margin:.4g} m"
         raise type(failure)(f"{failure}; {kept}: {LOWER_MARGIN}") from None
-    spline = query.smoothed(poses)
+    spline, has_ended = query.smoothed(poses, deadline)
     # the search has proved that the parts that follow its polyline are free
     proved = max(footprint_clearance(query.grid, footprint, spline), 0.0)
-    return FootprintPlan("polygon", reason, found, Path(poses), spline, proved, query.grid, grid)
+    status: PlanStatus = "complete" if has_ended else "not smoothed"
+    return FootprintPlan(
+        "polygon", reason, found, Path(poses), spline, proved, query.grid, grid, None,
+        "not optimal" if found.suboptimality > 1.0 else status, found.suboptimality,
+    )  # fmt: skip
 
 
 def _has_way(
@@ -214,12 +235,20 @@ class _PolygonQuery:
         rest = np.zeros((2, 3))
         return motion_of(self.poses.polygon, self._frame, Pieces(rest, rest, rest))
 
+    def prepare(self) -> None:
+        """Compute what the search needs of the map."""
+        self.poses.prepare()
+        _ = self._squares
+
     def search(
-        self, start: Waypoint, goal: Waypoint
+        self, start: Waypoint, goal: Waypoint, deadline: Deadline | None = None
     ) -> tuple[PoseSearchResult, Float[Array, "poses 3"]]:
         """Return the result of the search, and its poses with those of start and goal."""
         starts, goals = self._ends("start", start), self._ends("goal", goal)
-        found = self.poses.search_between(starts, goals)
+        if deadline is None:
+            found = self.poses.search_between(starts, goals)
+        else:
+            found = self.poses.search_between(starts, goals, deadline.ends_search)
         poses = found.poses
         first = start.yaw if start.yaw is not None else float(poses[0, 2])
         poses[:, 2] += _whole_turns(first - float(poses[0, 2]))
@@ -229,13 +258,16 @@ class _PolygonQuery:
         ends_in_full = ([[start.x, start.y, first]], poses, [[goal.x, goal.y, last]])
         return found, np.vstack(ends_in_full)
 
-    def smoothed(self, poses: Float[Array, "poses 3"]) -> SplinePath:
-        """Return a smooth path along poses."""
+    def smoothed(
+        self, poses: Float[Array, "poses 3"], deadline: Deadline | None
+    ) -> tuple[SplinePath, bool]:
+        """Return a smooth path along poses, and whether the smoothing ended."""
         cells = poses_in_cells(self.grid, self._frame, poses)
-        smooth = smooth_poses(self._squares, self._shape, cells, _MARGIN)
+        rest = () if deadline is None else (deadline.ends_smoothing(0.0),)
+        smooth, has_ended = smooth_poses(self._squares, self._shape, cells, _MARGIN, *rest)
         path = np.column_stack([self._frame.world(smooth[:, :2]), smooth[:, 2] + self.grid.yaw])
         path[0], path[-1] = poses[0], poses[-1]
-        return SplinePath(path)
+        return SplinePath(path), has_ended
 
     def _ends(self, name: str, waypoint: Waypoint) -> Ends:
         """Return the poses that a straight motion from or to a waypoint connects to it."""

@@ -133,32 +133,64 @@ def _new_queue(
     return queue, last, 0
 
 
-@compiled
-def explore(
-    space: PoseSpace,
-    starts: Ends,
-    goals: Ends,
-    bounds: Bounds,
-    words: Int64[Array, " poses"],
-) -> tuple[int, int]:
-    """Fill ``words``; return the goal of the shortest path, -1 if none, and the expansions.
+class PoseProgress(NamedTuple):
+    """Progress of a search over poses.
 
-    A* (Hart, Nilsson & Raphael 1968). A word holds the length of the shortest known path to a pose,
-    a flag of an expanded pose, and the code of the last move; it is 0 if the pose was not reached.
+    Attributes:
+        best: Length of the best path so far.
+        found: Goal of this path; -1: there is none.
+        base: Lower bound on the length of all paths at the beginning.
+        bucket: Bucket of the queue.
+        waiting: Number of queued poses; 0: the search has ended.
+        expansions: Number of expansions.
     """
-    longest = max(2 * DIAGONAL, 2 * space.turn)
+
+    best: int
+    found: int
+    base: int
+    bucket: int
+    waiting: int
+    expansions: int
+
+
+@compiled
+def begin(
+    space: PoseSpace, starts: Ends, bounds: Bounds, words: Int64[Array, " poses"]
+) -> tuple[Int32[Array, " size"], int, PoseProgress]:
+    """Return the queue of a search that begins, its last bucket, and the progress."""
     estimates = _estimates(starts, bounds)
     base = estimates.min()
-    queue, ring, waiting = _new_queue(estimates, longest)
+    queue, ring, waiting = _new_queue(estimates, max(2 * DIAGONAL, 2 * space.turn))
     for i in range(len(estimates)):
         words[starts.poses[i]] = starts.lengths[i] << LENGTH_SHIFT | START_MOVE
         push(queue, ring, (estimates[i] - base) >> BUCKET_SHIFT, starts.poses[i])
         waiting += 1
-    best, found, bucket, expansions = INFINITE, -1, 0, 0
-    while waiting > 0:
+    return queue, ring, PoseProgress(INFINITE, -1, base, 0, waiting, 0)
+
+
+@compiled
+def explore(  # noqa: PLR0917
+    space: PoseSpace,
+    goals: Ends,
+    bounds: Bounds,
+    words: Int64[Array, " poses"],
+    queue: Int32[Array, " size"],
+    ring: int,
+    progress: PoseProgress,
+    most: int,
+) -> tuple[Int32[Array, " more"], PoseProgress]:
+    """Fill ``words`` with up to ``most`` expansions; return queue and progress after them.
+
+    A* (Hart, Nilsson & Raphael 1968). A word holds the length of the shortest known path to a pose,
+    a flag of an expanded pose, and the code of the last move; it is 0 if the pose was not reached.
+    """
+    best, found, base, bucket, waiting, expansions = progress
+    last = expansions + most
+    while waiting > 0 and expansions < last:
         while is_empty(queue, ring, bucket):
             bucket += 1
         if base + (bucket << BUCKET_SHIFT) >= best:
+            waiting = 0
             break
         at = pop(queue, ring, bucket)
         waiting -= 1
@@ -182,7 +214,7 @@ def explore(
                 words[to] = length << LENGTH_SHIFT | (move + 1)
                 push(queue, ring, max(bucket, (estimate - base) >> BUCKET_SHIFT), to)
                 waiting += 1
-    return found, expansions
+    return queue, PoseProgress(best, found, base, bucket, waiting, expansions)
 
 
 @inlined

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
@@ -13,18 +13,21 @@ import numpy as np
 from jaxtyping import Float, Int, Int64, UInt64
 
 from omnidrive.arrays import Array
-from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
+from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound, NoPathYet
 from omnidrive.geometry.polygon import Polygon
 from omnidrive.maps import OccupancyGrid
+from omnidrive.planning.deadline import Deadline, check_time_limit
 from omnidrive.planning.footprint.layers import HEADINGS, STEP, PoseLayers, is_set, shared_moves
 from omnidrive.planning.footprint.pose_kernels import (
     Bounds,
     Ends,
     PoseSpace,
+    begin,
     distances_to_go,
     explore,
     trace,
 )
+from omnidrive.planning.search.astar import BUCKET_SHIFT
 from omnidrive.planning.search.heuristics import STRAIGHT
 from omnidrive.planning.search.moves import pruned_moves
 
@@ -33,6 +36,7 @@ CellPose = tuple[int, int, int | None]
 
 TURN_RADIUS = 0.25
 """Length that a turn of 1 rad counts, as a share of the distance to the farthest corner."""
+_LOOK = 1 << 10  # expansions between two looks at the clock, about a millisecond
 _MAX_POSES = 2**31 - 1
 _SLACK = 64 * STRAIGHT
 """Excess of a path over the bound on its length up to which the bounds are exact."""
@@ -49,6 +53,8 @@ class PoseSearchResult:
         cost: Length in cell widths, with that of the turns.
         expansions: Number of expansions; a pose that is expanded twice counts twice.
         seconds: Duration of the search, in s.
+        suboptimality: Greatest possible ratio of the length, with that of the turns, to the least,
+            if a time limit ended the search; 1 otherwise.
     """
 
     cells: Int[Array, "poses 2"]
@@ -57,6 +63,7 @@ class PoseSearchResult:
     cost: float
     expansions: int
     seconds: float
+    suboptimality: float = 1.0
 
 
 def search_poses(
@@ -66,6 +73,7 @@ def search_poses(
     goal: CellPose,
     *,
     turn_radius: float | None = None,
+    time_limit: float | None = None,
 ) -> PoseSearchResult:
     """Find a shortest path of a polygon over cells and 72 headings.
 
@@ -81,14 +89,23 @@ def search_poses(
         goal: Row, column and heading.
         turn_radius: Length in m that a turn of 1 rad counts, not negative; None for a quarter of
             the distance from the origin of B to the farthest corner.
+        time_limit: Time for the search, in s, positive, without that for the free poses of the map;
+            None: no limit.
 
     Raises:
         InvalidInput: The footprint is no simple polygon, the turn radius is negative or not finite,
-            or the map has more than 29 million cells.
+            the map has more than 29 million cells, or the time limit is not positive.
         InvalidWaypoint: The polygon collides at start or goal, or they lie outside the grid.
         NoPathFound: There is no path.
+        NoPathYet: There is none within the time limit.
     """
-    return PoseSearch(grid, footprint, turn_radius).search(start, goal)
+    searcher = PoseSearch(grid, footprint, turn_radius)
+    if time_limit is None:
+        return searcher.search(start, goal)
+    check_time_limit(time_limit)
+    searcher.prepare()
+    deadline = Deadline.of(time_limit)
+    return searcher.search(start, goal, lambda _: deadline.remaining <= 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,20 +154,40 @@ class PoseSearch:
     def _moves(self) -> UInt64[Array, "4 words"]:
         return shared_moves(self.layers.poses, self.layers.frame.stride)
 
-    def search(self, start: CellPose, goal: CellPose) -> PoseSearchResult:
-        """Find a shortest path; arguments and errors as for :func:`search_poses`."""
-        return self.search_between(self._ends("start", start), self._ends("goal", goal))
+    def prepare(self) -> None:
+        """Compute what searches need of the map, which the first one does otherwise."""
+        _ = self.layers.turns, self._moves
 
-    def search_between(self, starts: Ends, goals: Ends) -> PoseSearchResult:
+    def search(
+        self,
+        start: CellPose,
+        goal: CellPose,
+        is_over: Callable[[bool], bool] = lambda _: False,
+    ) -> PoseSearchResult:
+        """Find a shortest path; arguments and errors as for :meth:`search_between`."""
+        return self.search_between(self._ends("start", start), self._ends("goal", goal), is_over)
+
+    def search_between(
+        self,
+        starts: Ends,
+        goals: Ends,
+        is_over: Callable[[bool], bool] = lambda _: False,
+    ) -> PoseSearchResult:
         """Find a shortest path from one of the starts to one of the goals.
 
         The cost counts the moves between them, without the lengths of the ends.
 
+        Args:
+            starts: Poses to start from.
+            goals: Poses to reach.
+            is_over: Whether the time is over; called with whether there is a path.
+
         Raises:
             NoPathFound: There is no path.
+            NoPathYet: There is none in time.
         """
         began = perf_counter()
-        path, expansions = self._path_between(starts, goals)
+        path, expansions, suboptimality = self._path_between(starts, goals, is_over)
         cells, headings = self._cells_and_headings(path)
         return PoseSearchResult(
             cells,
@@ -159,10 +196,13 @@ class PoseSearch:
             self._cost(cells),
             expansions,
             perf_counter() - began,
+            suboptimality,
         )
 
-    def _path_between(self, starts: Ends, goals: Ends) -> tuple[Int64[Array, " path"], int]:
-        """Return the poses of a shortest path and the number of expansions."""
+    def _path_between(
+        self, starts: Ends, goals: Ends, is_over: Callable[[bool], bool]
+    ) -> tuple[Int64[Array, " path"], int, float]:
+        """Return the poses of the path, the number of expansions, and the suboptimality."""
         frame = self.layers.frame
         to_go, reached = distances_to_go(self._moves, frame.stride, goals, starts, _SLACK)
         if not reached:
@@ -174,14 +214,23 @@ class PoseSearch:
         )
         words = np.zeros(HEADINGS * (frame.size + 64), np.int64)  # untouched pages take no memory
         bounds = Bounds(to_go, self._turns_to_go(goals.poses % HEADINGS))
-        found, expansions = explore(space, starts, goals, bounds, words)
-        if found < 0:
+        queue, ring, progress = begin(space, starts, bounds, words)
+        while progress.waiting > 0 and not is_over(progress.found >= 0):
+            queue, progress = explore(space, goals, bounds, words, queue, ring, progress, _LOOK)
+        if progress.found < 0 and progress.waiting > 0:
+            raise NoPathYet(
+                "no path from start to goal was found within the time limit, in "
+                f"{progress.expansions} expansions; there may be one: allow more time"
+            )
+        if progress.found < 0:
             raise NoPathFound(
                 self._unreachable(
-                    f"none of the {expansions} poses that the start reaches is the goal"
+                    f"none of the {progress.expansions} poses that the start reaches is the goal"
                 )
             )
-        return trace(words, frame.stride, found), expansions
+        least = progress.base + (progress.bucket << BUCKET_SHIFT)
+        suboptimality = max(progress.best / max(least, 1), 1.0) if progress.waiting > 0 else 1.0
+        return trace(words, frame.stride, progress.found), progress.expansions, suboptimality
 
     def pose_index(self, row: int, col: int, heading: int) -> int:
         """Return the index of a pose, 72 cell + heading."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int64
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled
@@ -25,6 +26,7 @@ from omnidrive.planning.smoothing.relaxation import (
 
 _STRIDES = (16, 8, 4, 2, 1)  # distances between the centres of consecutive moves, in control points
 _CYCLES = 6  # over all strides
+_LOOK = 16  # moves between two looks at the clock
 _SMALLEST = 1e-4  # cells or radii; shorter moves are skipped
 _STEP_FRACTIONS = (1.0, 0.35, 0.12)  # of the best step, tried in turn
 _MAX_STEP = 1.5  # cells; longer steps are subdivided
@@ -49,9 +51,13 @@ class PoseSpline(NamedTuple):
 
 
 def smooth_poses(
-    squares: Squares, shape: Motion, poses: Float[Array, "poses 3"], margin: float
-) -> Float[Array, "points 3"]:
-    """Return the control points (cells, rad) of a smooth spline along a free polyline of poses.
+    squares: Squares,
+    shape: Motion,
+    poses: Float[Array, "poses 3"],
+    margin: float,
+    is_over: Callable[[], bool] = lambda: False,
+) -> tuple[Float[Array, "points 3"], bool]:
+    """Return the control points (cells, rad) of a smooth spline along poses, and whether it ended.
 
     As in :mod:`omnidrive.planning.smoothing`: coordinate descent on the sum of the squared second
     derivatives, in which a move is accepted only if every piece that it changes is proved to keep
@@ -64,6 +70,7 @@ def smooth_poses(
         poses: Poses of the polyline; the motion along each edge is free.
         margin: Required margin in cells where the polyline itself keeps 5/4 of it, otherwise about
             four fifths of the margin of the polyline.
+        is_over: Whether the time of the smoothing is over.
     """
     polyline = subdivided(poses, shape.radius)
     spline = _initial_spline(squares, shape, polyline, margin)
@@ -73,10 +80,16 @@ def smooth_poses(
     for cycle in range(_CYCLES):
         accepted = 0
         for stride in strides:
-            accepted += _sweep(spline, squares, weights[stride], stride, cycle % 2 == 1)
+            moved = np.arange(1, count - 1, stride)
+            moved = count - 1 - moved if cycle % 2 == 1 else moved
+            for first in range(0, len(moved), _LOOK):
+                if is_over():
+                    return spline.control_points, False
+                part = moved[first : first + _LOOK]
+                accepted += _sweep(spline, squares, weights[stride], part)
         if accepted == 0:
             break
-    return spline.control_points
+    return spline.control_points, True
 
 
 def subdivided(poses: Float[Array, "poses 3"], radius: float) -> Float[Array, "more 3"]:
@@ -156,14 +169,12 @@ def _sweep(
     spline: PoseSpline,
     squares: Squares,
     move_weights: Float[Array, " window"],
-    stride: int,
-    backward: bool,
+    middles: Int64[Array, " moves"],
 ) -> int:
-    """Try a move about every ``stride``-th inner control point; return how many were accepted."""
-    last = len(spline.control_points) - 1
+    """Try a move about each of some inner control points; return how many were accepted."""
     accepted = 0
-    for k in range(1, last, stride):
-        if _move(spline, squares, move_weights, last - k if backward else k):
+    for middle in middles:
+        if _move(spline, squares, move_weights, middle):
             accepted += 1
     return accepted
 

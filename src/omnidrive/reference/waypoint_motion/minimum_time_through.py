@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.errors import NoPathFound
+from omnidrive.errors import NoPathFound, NoPathYet
 from omnidrive.planning import SplinePath
+from omnidrive.planning.deadline import Deadline
 from omnidrive.reference.limits import LimitRows, MotionLimits, SectionLimit, limit_rows
 from omnidrive.reference.piecewise_path import PiecewisePath
 from omnidrive.reference.time_parameterization import PathSections, time_optimal_reference
@@ -58,6 +59,7 @@ def minimum_time_through(
     *,
     body_radius: float = 0.0,
     guess: Sequence[Float[Array, "poses 3"]] = (),
+    time_limit: float | None = None,
 ) -> WaypointMotion:
     """Return the fastest motion through ``waypoints`` that the solver finds.
 
@@ -76,14 +78,17 @@ def minimum_time_through(
         guess: Poses of a known motion from each waypoint to the next, from which the optimisation
             starts, one array for each leg; x and y in m, yaw in rad. Empty: straight legs and ways
             around regions.
+        time_limit: Time for the optimisation, in s, positive; None: no limit.
 
     Raises:
         InvalidInput: The problem has faults, such as a waypoint inside a keep-out region; the
             message names all of them.
         NoPathFound: No motion was found; the message names the constraint that hinders it most.
+            With a time limit that was reached: NoPathYet.
         MissingExtra: CasADi is not installed.
     """
     casadi("a motion through waypoints needs", "")
+    deadline = None if time_limit is None else Deadline.of(time_limit)
     points = tuple(waypoints)
     counted = check_problem(points, sections, body_radius)
     check_guess(guess, len(points) - 1)
@@ -93,7 +98,7 @@ def minimum_time_through(
     problem = Problem(points, constraints, rows, section_limits, body_radius)
     start = initial_path(points, counted, constraints, body_radius, guess)
     layout = start.layout
-    found, status, reference = _fastest(problem, start)
+    found, status, reference = _fastest(problem, start, deadline)
     nodes = layout.nodes * (len(reference.squared_speeds) - 1) // layout.nodes[-1]
     bounds = margins(constraints, layout, found, body_radius)
     return WaypointMotion(
@@ -106,7 +111,7 @@ def minimum_time_through(
 
 
 def _fastest(
-    problem: Problem, start: InitialPath
+    problem: Problem, start: InitialPath, deadline: Deadline | None
 ) -> tuple[tuple[SplinePath, ...], Literal["converged", "capped", "guess"], TimedReference]:
     """Return the faster of the solution and the initial path that satisfies all constraints.
 
@@ -114,7 +119,7 @@ def _fastest(
         NoPathFound: Neither satisfies all constraints.
     """
     timed = _timed(problem, start.layout, start.paths)
-    program = Program(problem, start, timed)
+    program = Program(problem, start, timed, deadline)
     solution = program.solve()
     found = through(problem.waypoints, start, solution.paths)
     if _holds(problem, start.layout, found):
@@ -122,6 +127,11 @@ def _fastest(
         if reference.duration <= timed.duration or not _holds(problem, start.layout, start.paths):
             return found, "converged" if solution.converged else "capped", reference
     elif not _holds(problem, start.layout, start.paths):
+        if deadline is not None and deadline.remaining <= 0.0:
+            raise NoPathYet(
+                f"no motion was found within the time limit of {deadline.limit:g} s; there may be "
+                "one: allow more time"
+            )
         raise NoPathFound(_blame(problem, program))
     return start.paths, "guess", timed
 

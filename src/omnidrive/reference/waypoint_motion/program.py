@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.planning import SplinePath
+from omnidrive.planning.deadline import Deadline
 from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.spline_basis import bezier_basis, spline_basis
 from omnidrive.reference.timed_reference import TimedReference
@@ -110,7 +111,13 @@ class Program:
         MissingExtra: CasADi is not installed.
     """
 
-    def __init__(self, problem: Problem, guess: InitialPath, timed: TimedReference) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        guess: InitialPath,
+        timed: TimedReference,
+        deadline: Deadline | None = None,
+    ) -> None:
         self._ca = casadi("a motion through waypoints needs", "")
         self._problem, self._guess = problem, guess
         self._unknowns: list[Any] = []
@@ -142,7 +149,8 @@ class Program:
             "f": cost,
             "g": self._ca.vertcat(*self._rows),
         }
-        self._solver = self._ca.nlpsol("waypoints", "ipopt", nlp, _OPTIONS)
+        limit = {} if deadline is None else {"ipopt.max_wall_time": deadline.left()}
+        self._solver = self._ca.nlpsol("waypoints", "ipopt", nlp, _OPTIONS | limit)
 
     def solve(self, *, elastic: bool = False) -> Solution:
         """Return the motion that the solver finds.
