@@ -71,7 +71,7 @@ def _guess(root: Field, waypoints: list[MotionWaypoint]) -> tuple[Float[Array, "
         return ()
     samples = choreo_reference(root)
     passed = [each.number() for each in times.items()]
-    if len(passed) != len(waypoints):
+    if len(passed) != len(waypoints) or len(passed) < 2:
         return ()
     at = [int(np.abs(samples.times - time).argmin()) for time in passed]
     places = np.array([(each.x, each.y) for each in waypoints])
