@@ -1,11 +1,13 @@
 """Written motions keep the limits of the motion when they are read again."""
 
+from dataclasses import replace
 from inspect import unwrap
 
 import numpy as np
 import pytest
 
 from omnidrive.errors import InvalidInput, InvalidReference
+from omnidrive.maps import CostMap, OccupancyGrid
 from omnidrive.planning import SplinePath
 from omnidrive.reference import (
     Circle,
@@ -83,6 +85,29 @@ def test_samples_are_those_of_the_motion_and_include_the_even_ones():
     even = SampledReference.of(reference, 0.1).times
     assert np.isin(even, samples.times).mean() > 0.9
     assert samples.duration == pytest.approx(reference.duration)
+
+
+@pytest.mark.parametrize("jerk", [np.inf, 20.0])
+@pytest.mark.parametrize("path", [wandering(1), wandering(3), staircase(1)])
+@pytest.mark.parametrize("dt", [0.1, 0.02])
+def test_written_motion_keeps_the_limits_of_zones(tmp_path, path, dt, jerk):
+    """Stripes of 0.3 m, in which the robot is slow."""
+    low = path.control_points[:, :2].min(axis=0) - 0.2
+    cols = np.arange(160) // 6
+    speeds = np.tile(np.where(cols % 2 == 0, 0.25, np.inf).astype(np.float32), (160, 1))
+    grid = OccupancyGrid(np.zeros((160, 160), bool), 0.05, tuple(low.tolist()))
+    zones = CostMap(grid, np.zeros((160, 160), np.float32), speeds)
+    limits = replace(LIMITS, jerk=jerk)
+    reference = time_within_limits(path, ROBOT.chassis, limits, zones=zones)
+
+    def excess(motion):
+        rows = motion.window(0.0, 40_001, motion.duration / 40_000)
+        return (np.hypot(rows[:, 3], rows[:, 4]) / zones.max_speeds(rows[:, :2])).max()
+
+    save_waypoints(tmp_path / "a.csv", reference, dt=dt, zones=zones)
+    assert excess(load_waypoints(tmp_path / "a.csv")) <= 1.01 * max(1.0, excess(reference))
+    if dt == 0.1 and jerk == np.inf:
+        assert excess(SampledReference.of(reference, dt)) > 1.02  # what the added samples mend
 
 
 def test_slow_motion_needs_no_more_samples():

@@ -17,11 +17,11 @@ from omnidrive.reference.piecewise_path import PathDerivatives, PiecewisePath, b
 from omnidrive.reference.smooth_reference import SmoothReference, jerk_terms
 from omnidrive.reference.time_parameterization import (
     ZONE_SHARES,
-    ZoneSpeeds,
     time_optimal_reference,
     zone_rows,
 )
 from omnidrive.reference.timed_reference import TimedReference
+from omnidrive.reference.zone_speeds import ZoneSpeeds
 
 _FIRST_NODES = 400
 """Intervals of the path, at least; each piece has at least two."""

@@ -9,14 +9,22 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
+from omnidrive.maps import CostMap
 from omnidrive.reference.limited_reference import LimitedReference
 from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.reference import Reference
 from omnidrive.reference.sampled_reference import MAX_SAMPLES, SampledReference
 from omnidrive.reference.timed_reference import TimedReference
+from omnidrive.reference.zone_speeds import ZoneSpeeds
 
 EXCESS = 0.01
 """Tolerated relative excess of a limit between samples."""
+
+_ZONE_EXCESS = 0.005
+"""The same for the limits of zones, at points that may miss their borders."""
+
+_ZONE_SAMPLES = 10
+"""Points of the motion for each even sample at which its speed in zones is evaluated."""
 
 MIN_ADDED_STEP = 1e-5
 """Shortest time between samples that refinement makes, in s."""
@@ -31,6 +39,8 @@ def sample_within_limits(
     limits: tuple[LimitRows, ...] | None = None,
     usage: dict[str, float] | None = None,
     min_step: float = MIN_ADDED_STEP,
+    *,
+    zones: CostMap | None = None,
 ) -> SampledReference:
     """Sample a reference at even steps of about ``dt`` s, and at further times for its limits.
 
@@ -48,6 +58,8 @@ def sample_within_limits(
             above 1, the samples keep it within 1 %. None: 1.
         min_step: Shortest time between an added sample and its neighbours, in s. The limits may be
             exceeded where the acceleration jumps twice within this time.
+        zones: Map whose ``max_speed`` is kept likewise; where the motion itself exceeds it, the
+            samples exceed it by less than 1 % more.
 
     Raises:
         InvalidReference: ``dt`` or the duration is not possible, or more than 100,000 samples are
@@ -59,12 +71,18 @@ def sample_within_limits(
         nodes = _Nodes.of(reference)
     if limits is None and isinstance(reference, LimitedReference):
         limits = tuple(group for group in reference.limits if group.kind != "jerk")
-    if not limits:
+    zone_speeds = None if zones is None or zones.max_speed is None else zones.max_speeds
+    limits = limits or ()
+    if not limits and zone_speeds is None:
         return samples
+    most = _zone_usage(reference, len(samples.times), zone_speeds)
     allowed = {g.name: (1.0 + EXCESS) * max((usage or {}).get(g.name, 1.0), 1.0) for g in limits}
     while True:
         shares = samples.interval_usage(limits)
-        over = np.max([shares[name] / maximum for name, maximum in allowed.items()], axis=0) > 1.0
+        used = [shares[name] / maximum for name, maximum in allowed.items()]
+        if zone_speeds is not None:
+            used.append(samples.interval_zone_usage(zone_speeds) / most)
+        over = np.max(used, axis=0) > 1.0
         times = _refined(samples.times, np.flatnonzero(over), nodes, min_step)
         if len(times) > MAX_SAMPLES:
             raise InvalidReference(
@@ -74,6 +92,16 @@ def sample_within_limits(
         if np.array_equal(times, samples.times):
             return samples
         samples = _at(reference, times, samples)
+
+
+def _zone_usage(reference: Reference, samples: int, zone_speeds: ZoneSpeeds | None) -> float:
+    """Return the share of the speed limit of zones that samples may use."""
+    if zone_speeds is None:
+        return 1.0
+    count = _ZONE_SAMPLES * samples
+    rows = reference.window(0.0, count, reference.duration / (count - 1))
+    own = float((np.hypot(rows[:, 3], rows[:, 4]) / zone_speeds(rows[:, :2])).max())
+    return (1.0 + _ZONE_EXCESS) * max(own, 1.0)
 
 
 class _Nodes(NamedTuple):

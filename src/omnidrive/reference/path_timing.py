@@ -23,8 +23,9 @@ from omnidrive.reference.limits import LimitRows, MotionLimits, jerk_rows, limit
 from omnidrive.reference.piecewise_path import FixedHeading, PiecewisePath
 from omnidrive.reference.reference import Reference
 from omnidrive.reference.smooth_reference import SmoothReference
-from omnidrive.reference.time_parameterization import ZoneSpeeds, estimated_duration
+from omnidrive.reference.time_parameterization import estimated_duration
 from omnidrive.reference.timed_reference import TimedReference
+from omnidrive.reference.zone_speeds import ZoneSpeeds
 from omnidrive.robot import Chassis
 
 _TOLERANCE = 1e-6

@@ -14,6 +14,7 @@ from omnidrive.errors import InvalidReference
 from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.motion import Motion, limit_shares
 from omnidrive.reference.reference import Reference, WindowReference
+from omnidrive.reference.zone_speeds import ZoneSpeeds
 
 MIN_STEP = 1e-6
 """Shortest time between samples, in s; over a shorter one, rounding errors of the poses would
@@ -29,6 +30,9 @@ sampled."""
 _CHECKS = np.linspace(0.0, 1.0, 5)
 """Points between two samples, as shares of the time between them, at which limits are
 evaluated."""
+
+_ZONE_CHECKS = np.linspace(0.0, 1.0, 17)
+"""Such points at which the limits of zones are evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +162,23 @@ class SampledReference(WindowReference):
             )
             for name, shares in limit_shares(motion, limits).items():
                 usage[name] = np.maximum(usage[name], shares)
+        return usage
+
+    def interval_zone_usage(self, zone_speeds: ZoneSpeeds) -> Float[Array, " intervals"]:
+        """Return the peak share of the speed limit of zones between consecutive samples.
+
+        It is the largest at 17 evenly spaced times, because a zone may begin between two of them.
+
+        Args:
+            zone_speeds: Largest speed, m/s, at points (x, y) in W, m.
+        """
+        cubic, square, linear, constant = (each[:, :2] for each in self._curves[0].c)
+        usage = np.zeros(len(cubic))
+        for share in _ZONE_CHECKS.tolist():
+            h = share * np.diff(self.times)[:, None]
+            velocity = (3.0 * cubic * h + 2.0 * square) * h + linear
+            place = ((cubic * h + square) * h + linear) * h + constant
+            usage = np.maximum(usage, np.hypot(*velocity.T) / zone_speeds(place))
         return usage
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import pairwise
 from math import ceil, log2
 from typing import NamedTuple
@@ -16,6 +15,7 @@ from omnidrive.reference.limits import LimitRows, SectionLimit, limit_terms
 from omnidrive.reference.piecewise_path import PiecewisePath, body_derivatives
 from omnidrive.reference.reachability import max_squared_speeds
 from omnidrive.reference.timed_reference import TimedReference
+from omnidrive.reference.zone_speeds import ZoneSpeeds
 
 _SHARES = (0.0, 0.5, 1.0)
 """Collocation points of an interval: the limits hold there by construction."""
@@ -35,10 +35,6 @@ _EXCESS, _GAIN = 1e-3, 1e-3
 
 _TRIES = 3
 """Largest number of times that limits are tightened."""
-
-
-ZoneSpeeds = Callable[[Float[Array, "points 2"]], Float[Array, " points"]]
-"""Largest speed, m/s, at points (x, y) in W, m."""
 
 
 class PathSections(NamedTuple):

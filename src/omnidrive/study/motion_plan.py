@@ -232,7 +232,8 @@ def save_plan(planned: PlannedScenario, reference: Reference, path: StrPath) -> 
 def _save_motion(planned: PlannedScenario, reference: Reference, path: StrPath) -> None:
     dt = planned.scenario.sample_time
     if isinstance(reference, LimitedReference):  # it has limits of its own
-        save_waypoints(path, reference, dt=dt)
+        zones = planned.plan.costs if planned.plan else None
+        save_waypoints(path, reference, dt=dt, zones=zones)
         return
     usage = _limit_usage(planned, reference)
     save_waypoints(path, sample_within_limits(reference, dt, planned.limits, usage))

@@ -11,6 +11,7 @@ import numpy as np
 from omnidrive.choices import TableHeading
 from omnidrive.errors import InvalidReference, kind_of, one_line, short_repr
 from omnidrive.files.str_path import StrPath, to_path
+from omnidrive.maps import CostMap
 from omnidrive.parameter import check_choice
 from omnidrive.planning import Path
 from omnidrive.reference.limit_sampling import MIN_ADDED_STEP, sample_within_limits
@@ -68,6 +69,7 @@ def save_waypoints(
     *,
     dt: float | None = None,
     frame_id: str = "map",
+    zones: CostMap | None = None,
 ) -> None:
     """Write a path or reference in the format given by the file name extension.
 
@@ -86,6 +88,7 @@ def save_waypoints(
             steps; None: the samples of a :class:`SampledReference`, and 0.02 s for other
             references.
         frame_id: Name of W in ROS.
+        zones: Map whose ``max_speed`` a motion that keeps it keeps within 1 % in the file, too.
 
     Raises:
         InvalidReference: The format cannot represent the waypoints, the extension is unknown, or
@@ -108,7 +111,7 @@ def save_waypoints(
         )
     elif dt is not None or not isinstance(waypoints, SampledReference):
         step = _DEFAULT_STEP if dt is None else dt
-        samples = sample_within_limits(waypoints, step, min_step=kind.min_step)
+        samples = sample_within_limits(waypoints, step, min_step=kind.min_step, zones=zones)
         waypoints = _check_sampled_turns(waypoints, samples, step)
     elif len(waypoints.times) > MAX_SAMPLES:
         raise InvalidReference(
