@@ -7,10 +7,10 @@ import pytest
 
 from omnidrive.errors import InvalidReference
 from omnidrive.reference import (
+    ConvexPolygon,
     Disc,
+    MotionSection,
     MotionWaypoint,
-    Polygon,
-    Section,
     load_motion_problem,
     load_waypoints,
 )
@@ -61,16 +61,16 @@ def test_choreo(tmp_path):
     )
     assert problem.waypoints[1] == MotionWaypoint(1.0, 0.5, None, stop=True)
     assert problem.waypoints[2] == MotionWaypoint(2.0, 0.5, 0.1)
-    rectangle = Polygon(((-1.0, -1.0), (3.0, -1.0), (3.0, 2.0), (-1.0, 2.0)))
+    rectangle = ConvexPolygon(((-1.0, -1.0), (3.0, -1.0), (3.0, 2.0), (-1.0, 2.0)))
     assert problem.sections == (
-        Section(0, 2, max_speed=2.0),
-        Section(1, 2, max_acceleration=3.0),
-        Section(1, 1, max_yaw_rate=1.0),
-        Section(0, 1, keep_in=(Disc(1.0, 2.0, 3.0),)),
-        Section(0, 2, keep_out=(Disc(1.0, 2.0, 0.5),)),
-        Section(0, 2, keep_in=(rectangle,)),
-        Section(0, 1, lane=0.1),
-        Section(1, 2, point_at=(5.0, 6.0), point_tolerance=0.01, point_offset=pi),
+        MotionSection(0, 2, max_speed=2.0),
+        MotionSection(1, 2, max_acceleration=3.0),
+        MotionSection(1, 1, max_yaw_rate=1.0),
+        MotionSection(0, 1, keep_in=(Disc(1.0, 2.0, 3.0),)),
+        MotionSection(0, 2, keep_out=(Disc(1.0, 2.0, 0.5),)),
+        MotionSection(0, 2, keep_in=(rectangle,)),
+        MotionSection(0, 1, lane=0.1),
+        MotionSection(1, 2, point_at=(5.0, 6.0), point_tolerance=0.01, point_offset=pi),
     )
 
 
@@ -106,7 +106,10 @@ def test_choreo_limits_of_zero(tmp_path):
         ),
     )
     assert problem.waypoints[1].stop
-    assert problem.sections == (Section(0, 1, max_yaw_rate=0.0), Section(1, 2, lane=1e-3))
+    assert problem.sections == (
+        MotionSection(0, 1, max_yaw_rate=0.0),
+        MotionSection(1, 2, lane=1e-3),
+    )
 
 
 def test_choreo_samples_are_the_guess(tmp_path):
@@ -165,7 +168,10 @@ def test_pathplanner_of_2023(tmp_path):
         (0.0, False), (2.0, True), (4.0, False), (6.0, False)
     ]  # fmt: skip
     assert [w.yaw for w in problem.waypoints] == [pi / 2, None, pi / 2, pi / 2]
-    assert problem.sections == (Section(0, 3, max_speed=3.0), Section(2, 2, max_speed=1.5))
+    assert problem.sections == (
+        MotionSection(0, 3, max_speed=3.0),
+        MotionSection(2, 2, max_speed=1.5),
+    )
     poses = load_waypoints(tmp_path / "a.path").poses
     assert poses[[0, -1]].tolist() == [[0.0, 0.0, pi / 2], [6.0, 0.0, pi / 2]]
 

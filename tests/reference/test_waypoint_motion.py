@@ -8,11 +8,11 @@ import pytest
 
 from omnidrive.errors import InvalidInput, MissingExtra, NoPathFound
 from omnidrive.reference import (
+    ConvexPolygon,
     Disc,
     MotionLimits,
+    MotionSection,
     MotionWaypoint,
-    Polygon,
-    Section,
     minimum_time_through,
 )
 from omnidrive.reference.waypoint_motion.regions import distance, separation
@@ -24,7 +24,7 @@ CHASSIS = Chassis.omni(
 )  # no limit in these cases
 LIMITS = MotionLimits(wheel_acceleration=1e4, speed=1.5, acceleration=1.0)
 ACROSS = (MotionWaypoint(0.0, 0.0, 0.0), MotionWaypoint(4.0, 0.0, 0.0))
-SQUARE = Polygon(((1.5, -1.0), (2.5, -1.0), (2.5, 0.3), (1.5, 0.3)))
+SQUARE = ConvexPolygon(((1.5, -1.0), (2.5, -1.0), (2.5, 0.3), (1.5, 0.3)))
 
 
 def fine(motion, per_node=20):
@@ -50,7 +50,7 @@ def check_limits(motion):
 
 def test_speed_limit_of_a_section():
     way = [MotionWaypoint(x, 0.0, 0.0 if x in {0.0, 4.0} else None) for x in (0.0, 1.0, 3.0, 4.0)]
-    motion = through(way, Section(1, 2, max_speed=0.5))
+    motion = through(way, MotionSection(1, 2, max_speed=0.5))
     # from rest to 1 m: up to the peak p, down to 0.5: p^2 - 0.125 = 1
     ends = 2.0 * np.sqrt(1.125) - 0.5
     assert motion.reference.duration == pytest.approx(2.0 * ends + 4.0, rel=0.005)
@@ -63,7 +63,7 @@ def test_speed_limit_of_a_section():
 
 def test_yaw_rate_of_zero_and_guess():
     way = [MotionWaypoint(0.0, 0.0, 0.3), MotionWaypoint(1.5, 0.2), MotionWaypoint(2.0, 1.5, 1.0)]
-    held = Section(0, 1, max_yaw_rate=0.0)
+    held = MotionSection(0, 1, max_yaw_rate=0.0)
     guess = [
         np.linspace((0, 0, 0.3), (1.5, 0.2, 0.3), 9),
         np.linspace((1.5, 0.2, 0.3), (2, 1.5, 1), 9),
@@ -76,7 +76,7 @@ def test_yaw_rate_of_zero_and_guess():
     straight = float(np.hypot(1.5, 0.2) + np.hypot(0.5, 1.3)) / 1.5 + 1.5
     assert straight < motion.reference.duration < 1.2 * straight
     with pytest.raises(InvalidInput, match="yaw rate of 0, and the headings of waypoints 0 and 2"):
-        through(way, Section(0, 2, max_yaw_rate=0.0))
+        through(way, MotionSection(0, 2, max_yaw_rate=0.0))
     with pytest.raises(InvalidInput, match="the guess has 1 legs, and the waypoints have 2"):
         through(way, guess=guess[:1])
     with pytest.raises(InvalidInput, match="leg 1 of the guess"):
@@ -96,7 +96,7 @@ def test_stop_is_the_sum_of_two_motions():
 
 def test_passes_waypoints_exactly_and_keeps_limits():
     way = [MotionWaypoint(0.0, 0.0), MotionWaypoint(1.5, 0.2, 1.0), MotionWaypoint(2.0, 1.5)]
-    motion = through(way, Section(1, 1, max_speed=0.4))
+    motion = through(way, MotionSection(1, 1, max_speed=0.4))
     poses = [motion.reference.at(float(t)) for t in motion.waypoint_times]
     np.testing.assert_allclose([p.pose[:2] for p in poses], [(w.x, w.y) for w in way], atol=1e-9)
     assert np.cos(poses[1].pose[2] - 1.0) == pytest.approx(1.0)
@@ -107,7 +107,7 @@ def test_passes_waypoints_exactly_and_keeps_limits():
 @pytest.mark.long
 @pytest.mark.parametrize("region", [Disc(2.0, 0.1, 0.5), SQUARE], ids=["disc", "polygon"])
 def test_keeps_out(region):
-    motion = through(ACROSS, Section(0, 1, keep_out=(region,)), body_radius=0.2)
+    motion = through(ACROSS, MotionSection(0, 1, keep_out=(region,)), body_radius=0.2)
     assert min(motion.margins.values()) >= -1e-5
     assert distance(region, fine(motion)[:, :2]).min() >= 0.2 - 1e-5
     straight = 4.0 / 1.5 + 1.5
@@ -115,12 +115,12 @@ def test_keeps_out(region):
 
 
 def test_keeps_in_and_points():
-    room = Polygon(((-0.3, -0.3), (2.3, -0.3), (2.3, 2.3), (-0.3, 2.3)))
+    room = ConvexPolygon(((-0.3, -0.3), (2.3, -0.3), (2.3, 2.3), (-0.3, 2.3)))
     way = [MotionWaypoint(0.0, 0.0), MotionWaypoint(2.0, 0.0), MotionWaypoint(2.0, 2.0)]
     motion = through(
         way,
-        Section(0, 2, keep_in=(room, Disc(1.0, 1.0, 2.0))),
-        Section(0, 1, point_at=(1.0, 1.0), point_offset=pi),
+        MotionSection(0, 2, keep_in=(room, Disc(1.0, 1.0, 2.0))),
+        MotionSection(0, 1, point_at=(1.0, 1.0), point_offset=pi),
         body_radius=0.25,
     )
     samples = fine(motion)
@@ -135,18 +135,19 @@ def test_keeps_in_and_points():
 @pytest.mark.long
 def test_names_the_constraint_to_blame():
     wall = Disc(2.0, 0.0, 0.5)
-    corridor = Polygon(((-1.0, -0.4), (5.0, -0.4), (5.0, 0.4), (-1.0, 0.4)))
+    corridor = ConvexPolygon(((-1.0, -0.4), (5.0, -0.4), (5.0, 0.4), (-1.0, 0.4)))
     with pytest.raises(NoPathFound, match=r"because of the keep-(in|out) .* of section 0"):
-        through(ACROSS, Section(0, 1, keep_in=(corridor,), keep_out=(wall,)))
+        through(ACROSS, MotionSection(0, 1, keep_in=(corridor,), keep_out=(wall,)))
 
 
 def test_names_all_faults():
     way = [*ACROSS[:1], MotionWaypoint(2.0, 0.0), *ACROSS[1:]]
     sections = (
-        Section(0, 2, keep_out=(Disc(2.0, 0.1, 0.5),)),
-        Section(0, 1, point_at=(1.0, 1.0)),
-        Section(0, 2, point_at=(1.0, 2.0)),
-        Section(0, 1, keep_in=(Disc(0.0, 0.0, 1.0),)),
+        MotionSection(0, 2, keep_out=(Disc(2.0, 0.1, 0.5),)),
+        MotionSection(0, 1, point_at=(1.0, 1.0)),
+        MotionSection(0, 2, point_at=(1.0, 2.0)),
+        MotionSection(0, 1, keep_in=(Disc(0.0, 0.0, 1.0),)),
+        MotionSection(0, 9, max_speed=-1.0),
     )
     with pytest.raises(InvalidInput) as caught:
         through(way, *sections)
@@ -154,6 +155,8 @@ def test_names_all_faults():
         "waypoint 1 at (2, 0) lies 0.4 m inside the keep-out disc of radius 0.5 m at (2, 0.1) of "
         "section 0",
         "waypoint 1 at (2, 0) lies 1 m outside the keep-in disc of radius 1 m at (0, 0) of sec",
+        "section 4: it is from waypoint 0 to 9",
+        "section 4: max_speed must be positive",
         "sections 1 and 2 share waypoints 0 to 1 and point at different points",
         "the heading of waypoint 0 at (0, 0), 0 rad, is 0.785 rad from the direction of (1, 1)",
     ):
@@ -163,12 +166,12 @@ def test_names_all_faults():
 @pytest.mark.parametrize(
     ("section", "text"),
     [
-        (Section(0, 5), "there are 2 waypoints"),
-        (Section(1, 0), "comes after its last"),
-        (Section(0, 1, max_speed=-1.0), "max_speed must be positive, got -1 m/s"),
-        (Section(0, 1, max_acceleration=float("nan")), "max_acceleration must be positive"),
-        (Section(0, 1, point_at=(1.0, 1.0), point_tolerance=0.0), "point_tolerance"),
-        (Section(0, 0, lane=0.1), "a lane needs two different waypoints"),
+        (MotionSection(0, 5), "there are 2 waypoints"),
+        (MotionSection(1, 0), "comes after its last"),
+        (MotionSection(0, 1, max_speed=-1.0), "max_speed must be positive, got -1 m/s"),
+        (MotionSection(0, 1, max_acceleration=float("nan")), "max_acceleration must be positive"),
+        (MotionSection(0, 1, point_at=(1.0, 1.0), point_tolerance=0.0), "point_tolerance"),
+        (MotionSection(0, 0, lane=0.1), "a lane needs two different waypoints"),
     ],
 )
 def test_refuses_sections(section, text):
@@ -185,7 +188,7 @@ def test_refuses_waypoints():
     with pytest.raises(InvalidInput, match="need 2 to 200 waypoints"):
         through(ACROSS[:1])
     with pytest.raises(InvalidInput, match="convex polygon"):
-        Polygon(((0.0, 0.0), (2.0, 0.0), (0.5, 0.5), (0.0, 2.0)))
+        ConvexPolygon(((0.0, 0.0), (2.0, 0.0), (0.5, 0.5), (0.0, 2.0)))
     with pytest.raises(InvalidInput, match="positive radius"):
         Disc(0.0, 0.0, 0.0)
 
@@ -196,7 +199,7 @@ def test_separation_is_the_distance_of_hulls():
     pieces = rng.uniform(-1.0, 1.0, (20, 4, 2)) + rng.uniform(-3.0, 3.0, (20, 1, 2))
     weights = rng.dirichlet(np.full(4, 0.3), 2000)
     inside = np.einsum("wk,pkd->pwd", weights, pieces)
-    for region in (Disc(0.0, 0.0, 0.7), Polygon(((0, 0), (1.0, 0.2), (0.8, 1.0)))):
+    for region in (Disc(0.0, 0.0, 0.7), ConvexPolygon(((0, 0), (1.0, 0.2), (0.8, 1.0)))):
         bound, normals = separation(region, pieces)
         found = np.array([distance(region, points).min() for points in inside])
         assert (bound <= found + 1e-9).all()

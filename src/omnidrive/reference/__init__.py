@@ -42,11 +42,11 @@ from omnidrive.reference.uniform_reference import (
     wheel_speed_used,
 )
 from omnidrive.reference.waypoint_motion import (
+    ConvexPolygon,
     Disc,
     MotionProblem,
+    MotionSection,
     MotionWaypoint,
-    Polygon,
-    Section,
     WaypointMotion,
     load_motion_problem,
     minimum_time_through,
@@ -56,6 +56,7 @@ from omnidrive.reference.waypoints import load_waypoints, save_waypoints
 
 __all__ = [
     "Circle",
+    "ConvexPolygon",
     "Corridor",
     "DelayedReference",
     "Disc",
@@ -68,8 +69,8 @@ __all__ = [
     "MinimumTime",
     "MotionLimits",
     "MotionProblem",
+    "MotionSection",
     "MotionWaypoint",
-    "Polygon",
     "RaisedCosine",
     "RandomSmooth",
     "Reference",
@@ -77,7 +78,6 @@ __all__ = [
     "ReferencePath",
     "RetimedReference",
     "SampledReference",
-    "Section",
     "Setpoint",
     "ShapeReference",
     "Slalom",

@@ -5,16 +5,16 @@ from omnidrive.reference.waypoint_motion.minimum_time_through import (
     minimum_time_through,
 )
 from omnidrive.reference.waypoint_motion.motion_problem import load_motion_problem
-from omnidrive.reference.waypoint_motion.regions import Disc, Polygon
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.regions import ConvexPolygon, Disc
+from omnidrive.reference.waypoint_motion.waypoint import MotionSection, MotionWaypoint
 from omnidrive.reference.waypoint_motion.waypoint_problem import MotionProblem
 
 __all__ = [
+    "ConvexPolygon",
     "Disc",
     "MotionProblem",
+    "MotionSection",
     "MotionWaypoint",
-    "Polygon",
-    "Section",
     "WaypointMotion",
     "load_motion_problem",
     "minimum_time_through",

@@ -18,8 +18,8 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import wrap
 from omnidrive.reference.sampled_reference import SampledReference
-from omnidrive.reference.waypoint_motion.regions import Disc, Polygon
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.regions import ConvexPolygon, Disc
+from omnidrive.reference.waypoint_motion.waypoint import MotionSection, MotionWaypoint
 from omnidrive.reference.waypoint_motion.waypoint_problem import MotionProblem
 from omnidrive.reference.waypoints.choreo import choreo_reference
 from omnidrive.reference.waypoints.field import Field
@@ -84,7 +84,7 @@ def _legs(samples: SampledReference, at: list[int]) -> tuple[Float[Array, "poses
     return tuple(samples.poses[a : b + 1] for a, b in pairwise(at))
 
 
-def _parameters(parameters: Field) -> tuple[list[MotionWaypoint], list[Section]]:
+def _parameters(parameters: Field) -> tuple[list[MotionWaypoint], list[MotionSection]]:
     """Return waypoints and sections of the parameters of a trajectory."""
     waypoints = [
         MotionWaypoint(
@@ -112,16 +112,16 @@ def _parameters(parameters: Field) -> tuple[list[MotionWaypoint], list[Section]]
     return waypoints, sections
 
 
-def _section(data: Field, kind: str, first: int, last: int) -> Section:
+def _section(data: Field, kind: str, first: int, last: int) -> MotionSection:
     given = data["props"]
     if kind.startswith("Max"):
-        return _limit(data, kind, Section(first, last))
+        return _limit(data, kind, MotionSection(first, last))
     if kind == "KeepInLane":
-        return Section(first, last, lane=max(_value(given["tolerance"]), _LEAST_LANE))
+        return MotionSection(first, last, lane=max(_value(given["tolerance"]), _LEAST_LANE))
     if kind.startswith("Keep"):
-        return _region(data, kind, Section(first, last))
+        return _region(data, kind, MotionSection(first, last))
     if kind == "PointAt":
-        return Section(
+        return MotionSection(
             first,
             last,
             point_at=(_value(given["x"]), _value(given["y"])),
@@ -131,7 +131,7 @@ def _section(data: Field, kind: str, first: int, last: int) -> Section:
     raise _unknown(data)
 
 
-def _limit(data: Field, kind: str, section: Section) -> Section:
+def _limit(data: Field, kind: str, section: MotionSection) -> MotionSection:
     value = _value(data["props"]["max"])
     if kind == "MaxVelocity":
         return replace(section, max_speed=value)
@@ -142,7 +142,7 @@ def _limit(data: Field, kind: str, section: Section) -> Section:
     raise _unknown(data)
 
 
-def _region(data: Field, kind: str, section: Section) -> Section:
+def _region(data: Field, kind: str, section: MotionSection) -> MotionSection:
     given = data["props"]
     if kind in {"KeepInCircle", "KeepOutCircle"}:
         regions = (Disc(*(_value(given[key]) for key in ("x", "y", "r"))),)
@@ -155,7 +155,7 @@ def _region(data: Field, kind: str, section: Section) -> Section:
         if turn is not None and _value(turn) != 0.0:
             raise turn.error("is not 0: only rectangles along the axes are read")
         corners = ((x, y), (x + w, y), (x + w, y + h), (x, y + h))
-        return replace(section, keep_in=(Polygon(corners),))
+        return replace(section, keep_in=(ConvexPolygon(corners),))
     raise _unknown(data)
 
 

@@ -15,7 +15,7 @@ from omnidrive.planning import SplinePath
 from omnidrive.reference.spline_basis import bezier_basis, spline_basis
 from omnidrive.reference.waypoint_motion.layout import Layout, Part
 from omnidrive.reference.waypoint_motion.regions import Region, separation
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.waypoint import MotionSection, MotionWaypoint
 
 _DEPTH = 10
 """Number of times that a piece is halved at most for a proof."""
@@ -36,7 +36,7 @@ class Constraint(NamedTuple):
     """
 
     kind: Literal["keep-in", "keep-out", "point", "lane"]
-    section: Section
+    section: MotionSection
     name: str
     region: Region | None = None
     line: tuple[Float[Array, " 2"], float] | None = None
@@ -48,7 +48,7 @@ class Constraint(NamedTuple):
 
 
 def constraints_of(
-    waypoints: Sequence[MotionWaypoint], sections: Sequence[Section]
+    waypoints: Sequence[MotionWaypoint], sections: Sequence[MotionSection]
 ) -> list[Constraint]:
     """Return all constraints on poses."""
     found = []
@@ -113,7 +113,7 @@ def _margin(constraint: Constraint, part: Part, path: SplinePath, body_radius: f
     return _least(constraint, pieces, body_radius)
 
 
-def pointing_error(section: Section, poses: Float[Array, "n 3"]) -> Float[Array, " n"]:
+def pointing_error(section: MotionSection, poses: Float[Array, "n 3"]) -> Float[Array, " n"]:
     """Return the deviations of headings from the direction to point in, in rad."""
     assert section.point_at is not None
     away = section.point_at - poses[:, :2]

@@ -14,7 +14,7 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.geometry import wrap
 from omnidrive.reference.waypoint_motion.regions import Region, distance
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.waypoint import MotionSection, MotionWaypoint
 
 TOLERANCE = 1e-5
 """Distance by which a region may be missed, in m."""
@@ -35,28 +35,30 @@ _UNITS = {
 
 
 def check_problem(
-    waypoints: Sequence[MotionWaypoint], sections: Sequence[Section], body_radius: float
-) -> tuple[Section, ...]:
+    waypoints: Sequence[MotionWaypoint], sections: Sequence[MotionSection], body_radius: float
+) -> tuple[MotionSection, ...]:
     """Return the sections with indices that are not negative.
 
     Raises:
         InvalidInput: The problem has faults; the message names all of them.
     """
-    found = [*_waypoint_faults(waypoints)]
+    count, found = len(waypoints), [*_waypoint_faults(waypoints)]
     if not (isfinite(body_radius) and body_radius >= 0.0):
         found.append(f"the body radius must not be negative, got {body_radius:g} m")
+    places_are_known = not found
+    sound: dict[int, MotionSection] = {}
     for number, section in enumerate(sections):
-        found += [f"section {number}: {fault}" for fault in _own_faults(section, len(waypoints))]
+        own = [f"section {number}: {fault}" for fault in _own_faults(section, count)]
+        found += own
+        if not own:
+            sound[number] = _counted(section, count)
+    if places_are_known:
+        for number, section in sound.items():
+            found += _faults_at_waypoints(waypoints, section, number, body_radius)
+        found += _contradictions(waypoints, sound)
     if found:
         raise InvalidInput("; ".join(found))
-    count = len(waypoints)
-    sections = tuple(_counted(section, count) for section in sections)
-    for number, section in enumerate(sections):
-        found += _faults_at_waypoints(waypoints, section, number, body_radius)
-    found += _contradictions(waypoints, sections)
-    if found:
-        raise InvalidInput("; ".join(found))
-    return sections
+    return tuple(sound.values())
 
 
 def check_guess(guess: Sequence[Float[Array, "poses 3"]], legs: int) -> None:
@@ -74,7 +76,7 @@ def place(waypoints: Sequence[MotionWaypoint], index: int) -> str:
     return f"waypoint {index} at ({waypoints[index].x:g}, {waypoints[index].y:g})"
 
 
-def _counted(section: Section, count: int) -> Section:
+def _counted(section: MotionSection, count: int) -> MotionSection:
     return replace(section, first=section.first % count, last=section.last % count)
 
 
@@ -102,7 +104,7 @@ def _waypoint_faults(waypoints: Sequence[MotionWaypoint]) -> Iterator[str]:
             )
 
 
-def _own_faults(section: Section, count: int) -> Iterator[str]:
+def _own_faults(section: MotionSection, count: int) -> Iterator[str]:
     bounds = (section.first, section.last)
     if not all(-count <= index < count for index in bounds):
         yield f"it is from waypoint {bounds[0]} to {bounds[1]}, and there are {count} waypoints"
@@ -124,7 +126,7 @@ def _own_faults(section: Section, count: int) -> Iterator[str]:
 
 
 def _faults_at_waypoints(
-    waypoints: Sequence[MotionWaypoint], section: Section, number: int, body_radius: float
+    waypoints: Sequence[MotionWaypoint], section: MotionSection, number: int, body_radius: float
 ) -> Iterator[str]:
     """Yield the constraints of a section that a waypoint violates."""
     for index in range(section.first, section.last + 1):
@@ -176,7 +178,7 @@ def _inside(at: Float[Array, "1 2"], body_radius: float, region: Region, number:
 
 
 def _pointing_fault(
-    waypoint: MotionWaypoint, here: str, section: Section, number: int
+    waypoint: MotionWaypoint, here: str, section: MotionSection, number: int
 ) -> Iterator[str]:
     if section.point_at is None:
         return
@@ -193,7 +195,7 @@ def _pointing_fault(
             )
 
 
-def _direction(waypoint: MotionWaypoint, section: Section) -> float:
+def _direction(waypoint: MotionWaypoint, section: MotionSection) -> float:
     x, y = section.point_at or (inf, inf)
     return float(np.arctan2(y - waypoint.y, x - waypoint.x)) + section.point_offset
 
@@ -209,10 +211,10 @@ def _off_line(start: MotionWaypoint, end: MotionWaypoint, point: MotionWaypoint)
 
 
 def _contradictions(
-    waypoints: Sequence[MotionWaypoint], sections: Sequence[Section]
+    waypoints: Sequence[MotionWaypoint], sections: dict[int, MotionSection]
 ) -> Iterator[str]:
     """Yield pairs of sections in which the robot would have to point at two points at once."""
-    pointing = [(n, each) for n, each in enumerate(sections) if each.point_at is not None]
+    pointing = [(n, each) for n, each in sections.items() if each.point_at is not None]
     for (one, a), (other, b) in combinations(pointing, 2):
         first, last = max(a.first, b.first), min(a.last, b.last)
         if first > last or (a.point_at, a.point_offset) == (b.point_at, b.point_offset):

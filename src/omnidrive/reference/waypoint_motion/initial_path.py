@@ -16,7 +16,7 @@ from omnidrive.planning.polyline import cumulative_length
 from omnidrive.reference.spline_basis import spline_basis
 from omnidrive.reference.waypoint_motion.constraints import Constraint
 from omnidrive.reference.waypoint_motion.layout import Layout
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.waypoint import MotionSection, MotionWaypoint
 
 _CELLS = 160
 """Cells of the longer side of the grid on which a way around regions is searched."""
@@ -44,7 +44,7 @@ class InitialPath(NamedTuple):
 
 def initial_path(
     waypoints: Sequence[MotionWaypoint],
-    sections: Sequence[Section],
+    sections: Sequence[MotionSection],
     constraints: Sequence[Constraint],
     body_radius: float,
     guess: Sequence[Float[Array, "poses 3"]] = (),

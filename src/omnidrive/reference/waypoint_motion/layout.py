@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.waypoint import MotionSection, MotionWaypoint
 
 _PIECES = 20
 """Number of pieces that all legs share by their lengths."""
@@ -86,7 +86,7 @@ class Layout(NamedTuple):
             elif first == last and start <= low < end + (end == self.starts[-1]):
                 yield Part(spline, low - start, low - start)
 
-    def held(self, sections: Sequence[Section], spline: int) -> list[tuple[int, int]]:
+    def held(self, sections: Sequence[MotionSection], spline: int) -> list[tuple[int, int]]:
         """Return the runs of control points of a spline whose headings are equal.
 
         They are those of pieces in sections with a yaw rate of 0. Each run is given by its first

@@ -24,13 +24,15 @@ from omnidrive.reference.waypoint_motion.faults import TOLERANCE, check_guess, c
 from omnidrive.reference.waypoint_motion.initial_path import InitialPath, initial_path, through
 from omnidrive.reference.waypoint_motion.layout import Layout
 from omnidrive.reference.waypoint_motion.program import Problem, Program
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.waypoint import MotionSection, MotionWaypoint
 from omnidrive.robot import Chassis
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WaypointMotion:
-    """Fastest motion found through waypoints; every constraint is proved to hold.
+    """Fastest motion found through waypoints.
+
+    Regions and lanes are proved for the whole curve; pointing is checked at 64 samples per piece.
 
     Attributes:
         reference: The motion; its :attr:`~TimedReference.limit_usage` has the limits of sections
@@ -55,7 +57,7 @@ def minimum_time_through(
     waypoints: Sequence[MotionWaypoint],
     chassis: Chassis,
     limits: MotionLimits,
-    sections: Sequence[Section] = (),
+    sections: Sequence[MotionSection] = (),
     *,
     body_radius: float = 0.0,
     guess: Sequence[Float[Array, "poses 3"]] = (),
@@ -136,7 +138,7 @@ def _fastest(
     return start.paths, "guess", timed
 
 
-def _rows(section: Section, number: int) -> tuple[LimitRows, ...]:
+def _rows(section: MotionSection, number: int) -> tuple[LimitRows, ...]:
     """Return the finite limits of a section."""
     plane, yaw = np.eye(3)[:2], np.eye(3)[2:]
     groups = (

@@ -15,7 +15,7 @@ from math import inf, radians
 import numpy as np
 
 from omnidrive.geometry import wrap
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.waypoint import MotionSection, MotionWaypoint
 from omnidrive.reference.waypoint_motion.waypoint_problem import MotionProblem
 from omnidrive.reference.waypoints.bezier_chain import chain_points
 from omnidrive.reference.waypoints.field import Field
@@ -52,7 +52,7 @@ def pathplanner_problem(root: Field) -> MotionProblem:
         unlimited = given.get("unlimited")
         if unlimited is None or unlimited.value is not True:
             sections.append(
-                Section(
+                MotionSection(
                     first,
                     last,
                     max_speed=_limit(given, "maxVelocity"),
@@ -65,13 +65,13 @@ def pathplanner_problem(root: Field) -> MotionProblem:
         override = each.get("velOverride")  # in files of 2023
         if override is not None and override.number() > 0.0:
             at = places.index(float(k))
-            sections.append(Section(at, at, max_speed=override.number()))
+            sections.append(MotionSection(at, at, max_speed=override.number()))
     for (low, high), zone in aims:
         target, offset = zone["fieldPosition"], zone.get("rotationOffset")
         turn = 0.0 if offset is None else radians(offset.number())
         point = (target["x"].number(), target["y"].number())
         first, last = places.index(low), places.index(high)
-        sections.append(Section(first, last, point_at=point, point_offset=turn))
+        sections.append(MotionSection(first, last, point_at=point, point_offset=turn))
     return MotionProblem(tuple(waypoints), tuple(sections))
 
 

@@ -25,7 +25,7 @@ from omnidrive.reference.waypoint_motion.constraints import Constraint
 from omnidrive.reference.waypoint_motion.initial_path import InitialPath, held_yaw
 from omnidrive.reference.waypoint_motion.layout import Layout, Part
 from omnidrive.reference.waypoint_motion.regions import Disc, separation
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.waypoint import MotionSection, MotionWaypoint
 
 _SPREAD = 0.1
 """Weight of uneven control points, in s; time alone does not determine their spacing."""
@@ -70,7 +70,7 @@ class Problem(NamedTuple):
     waypoints: tuple[MotionWaypoint, ...]
     constraints: tuple[Constraint, ...]
     limits: tuple[LimitRows, ...]
-    section_limits: tuple[tuple[Section, tuple[LimitRows, ...]], ...]
+    section_limits: tuple[tuple[MotionSection, tuple[LimitRows, ...]], ...]
     body_radius: float
 
 
@@ -332,7 +332,9 @@ class Program:
             points = bezier[:, 3 * k : 3 * k + width]
             self._row(normal[k, :] @ points - support[k] + slack, needed, np.inf)
 
-    def _add_pointing(self, section: Section, slack: Any, part: Part, spline: _Spline) -> None:
+    def _add_pointing(
+        self, section: MotionSection, slack: Any, part: Part, spline: _Spline
+    ) -> None:
         ca = self._ca
         assert section.point_at is not None
         nodes = np.arange(part.first * PER_PIECE, part.last * PER_PIECE + 1, dtype=float)

@@ -64,7 +64,7 @@ class Disc:
 
 
 @dataclass(frozen=True)
-class Polygon:
+class ConvexPolygon:
     """Convex polygon in W.
 
     Attributes:
@@ -134,7 +134,7 @@ class Polygon:
         return depth
 
 
-Region: TypeAlias = Disc | Polygon
+Region: TypeAlias = Disc | ConvexPolygon
 
 
 def separation(
@@ -159,7 +159,7 @@ def separation(
     nearest = (from_vertex + part[..., None] * sides[:, :, None]).reshape(len(bezier), -1, 2)
     across = np.stack([sides[..., 1], -sides[..., 0]], axis=-1)
     candidates = [nearest, across, -across]
-    if isinstance(region, Polygon):
+    if isinstance(region, ConvexPolygon):
         candidates.append(np.broadcast_to(region.normals, (len(bezier), *region.normals.shape)))
     normals = np.concatenate(candidates, axis=1)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)

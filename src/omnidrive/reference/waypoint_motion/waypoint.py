@@ -30,7 +30,7 @@ class MotionWaypoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class MotionSection:
     """Constraints from one waypoint to another, both included.
 
     With ``first == last`` the constraints hold at one waypoint. Sections may overlap; all their

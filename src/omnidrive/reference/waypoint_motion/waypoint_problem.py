@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.reference.waypoint_motion.waypoint import MotionWaypoint, Section
+from omnidrive.reference.waypoint_motion.waypoint import MotionSection, MotionWaypoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,5 +22,5 @@ class MotionProblem:
     """
 
     waypoints: tuple[MotionWaypoint, ...]
-    sections: tuple[Section, ...]
+    sections: tuple[MotionSection, ...]
     guess: tuple[Float[Array, "poses 3"], ...] = field(default=(), compare=False)
