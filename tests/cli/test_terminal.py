@@ -85,7 +85,7 @@ def test_json_full_and_quiet_of_a_study(command, verb):
 
 @pytest.mark.parametrize("verb", ["compare", "run", "plan"])
 def test_compiling_is_noted_once(command, monkeypatch, verb):
-    def compiling(_):
+    def compiling(*_, **__):
         for kernel in ("one", "another"):
             with reported(kernel):
                 pass
