@@ -121,9 +121,9 @@ def test_input_depends_on_seed_and_index_only():
 @pytest.mark.parametrize(
     ("read", "fault"),
     [
-        (lambda path: 1 / 0, "ZeroDivisionError: division by zero"),
-        (lambda path: len(b"x" * 40_000_000), "takes 40 MB"),
-        (lambda path: path.read_text(), ""),
+        (lambda path: 1 / 0, r"ZeroDivisionError: division by zero"),
+        (lambda path: len(b"x" * 200_000_000), r"takes \d+ MB"),
+        (lambda path: path.read_text(), r""),
     ],
 )
 def test_faults_are_found(monkeypatch, tmp_path, read, fault):
@@ -131,7 +131,7 @@ def test_faults_are_found(monkeypatch, tmp_path, read, fault):
     name = next(iter(readers()))
     monkeypatch.setitem(readers(), name, readers()[name]._replace(read=read))
     gc.collect()  # otherwise what is freed during the call hides what it takes
-    assert read_input(0, name, b"", tmp_path).fault == fault
+    assert re.fullmatch(fault, read_input(0, name, b"", tmp_path).fault)
     assert not list(Path(tmp_path).iterdir())
 
 
