@@ -15,6 +15,8 @@ from omnidrive.reference import (
     MotionWaypoint,
     minimum_time_through,
 )
+from omnidrive.reference.waypoint_motion.constraints import constraints_of, margins
+from omnidrive.reference.waypoint_motion.initial_path import initial_path
 from omnidrive.reference.waypoint_motion.regions import distance, separation
 from omnidrive.robot import Chassis
 from tests.reference.sample_paths import CROSS
@@ -138,6 +140,15 @@ def test_names_the_constraint_to_blame():
     corridor = ConvexPolygon(((-1.0, -0.4), (5.0, -0.4), (5.0, 0.4), (-1.0, 0.4)))
     with pytest.raises(NoPathFound, match=r"because of the keep-(in|out) .* of section 0"):
         through(ACROSS, MotionSection(0, 1, keep_in=(corridor,), keep_out=(wall,)))
+
+
+def test_initial_path_keeps_a_narrow_lane():
+    way = [MotionWaypoint(0.0, 0.0), MotionWaypoint(1.0, 1.0), MotionWaypoint(2.0, 1.0)]
+    section = MotionSection(1, 2, lane=1e-3)
+    constraints = tuple(constraints_of(way, (section,)))
+    start = initial_path(way, (section,), constraints, 0.0)
+    assert min(margins(constraints, start.layout, start.paths, 0.0)) >= -1e-5
+    assert start.paths[0].poses(0.0)[:2] == pytest.approx([0.0, 0.0])
 
 
 def test_names_all_faults():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -78,9 +79,34 @@ def initial_path(
         sites = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0 + start
         shape = np.stack([*(np.interp(sites, s, c) for c in columns.T),
                           np.interp(sites, nodes, yaws)], axis=1)  # fmt: skip
+        _move_into_lanes(shape, waypoints, sections, layout, spline)
         paths.append(SplinePath(shape))
     found = InitialPath(tuple(paths), given, layout, held)
     return found._replace(paths=through(waypoints, found, found.paths))
+
+
+def _move_into_lanes(
+    control: Float[Array, "points 3"],
+    waypoints: Sequence[MotionWaypoint],
+    sections: Sequence[MotionSection],
+    layout: Layout,
+    spline: int,
+) -> None:
+    """Move the control points of pieces with a lane to within half of its width."""
+    here = list(layout.waypoints(spline))
+    for section in sections:
+        low, high = max(section.first, here[0]), min(section.last, here[-1])
+        start, end = (
+            np.array([waypoints[k].x, waypoints[k].y]) for k in (section.first, section.last)
+        )
+        length = float(np.linalg.norm(end - start))
+        if not isfinite(section.lane) or low >= high or length == 0.0:
+            continue
+        normal = np.array([start[1] - end[1], end[0] - start[0]]) / length
+        inside = slice(layout.local(spline, low), layout.local(spline, high) + 3)
+        off = (control[inside, :2] - start) @ normal
+        excess = off - np.clip(off, -0.5 * section.lane, 0.5 * section.lane)
+        control[inside, :2] -= excess[:, None] * normal
 
 
 def through(
