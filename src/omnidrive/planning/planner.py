@@ -301,7 +301,7 @@ def _load_smoothing() -> None:
     """Compile or load the kernels of the smoothing, so that time limits exclude compilation."""
     grid = OccupancyGrid(np.zeros((8, 8), bool), 1.0)
     points = np.array([[1.5, 1.5], [1.5, 2.5], [2.5, 3.5], [3.5, 3.5], [4.5, 3.5]])
-    smooth(grid, points)
+    smooth(grid, points, costs=np.zeros((8, 8), np.float32))
     smooth(grid, points, is_over=lambda: True)
 
 

@@ -21,7 +21,7 @@ from omnidrive.planning.headings import with_headings
 from omnidrive.planning.path import SplinePath
 from omnidrive.planning.pieces import pieces
 from omnidrive.planning.polyline import resample
-from omnidrive.planning.smoothing.fairing import NO_LIMITS, CurvatureLimits, fair_spline
+from omnidrive.planning.smoothing.fairing import NO_LIMITS, CurvatureLimits, FairSpline, fair_spline
 from omnidrive.planning.smoothing.grid_path_spline import along_grid_path
 from omnidrive.planning.smoothing.initial_spline import certified_initial_spline
 from omnidrive.planning.smoothing.polygon import free_polygon
@@ -150,7 +150,7 @@ def _certified(problem: _Problem) -> _Smoothed:
         return _unsmoothed(problem, frame)
     fair = fair_spline(obstacles, start, costs, limits.scaled(frame.resolution), is_over)
     if not fair.is_within:
-        raise NoPathFound(_exceeded(frame, fair.control_points, limits))
+        raise NoPathFound(_exceeded(frame, fair, limits))
     cells, is_complete = fair.control_points, fair.is_complete
     curve = pieces(cells)
     # the clearance proved during the relaxation, or that of the final curve if greater
@@ -172,8 +172,9 @@ def _unsmoothed(problem: _Problem, frame: GridFrame) -> _Smoothed:
     return along_grid_path(problem.obstacles, frame, problem.points)
 
 
-def _exceeded(frame: GridFrame, cells: Float[Array, "points 2"], limits: CurvatureLimits) -> str:
+def _exceeded(frame: GridFrame, fair: FairSpline, limits: CurvatureLimits) -> str:
     """Return the message on a path that exceeds limits of the curvature."""
+    cells = fair.control_points
     bend, change = curvature_peaks(pieces(cells))
     bend, change = bend / frame.resolution, change / frame.resolution**2
     piece = int(np.argmax(np.maximum(bend / limits.curvature, change / limits.rate)))
@@ -183,10 +184,11 @@ def _exceeded(frame: GridFrame, cells: Float[Array, "points 2"], limits: Curvatu
         for limit, unit in zip(limits, ("1/m", "1/m^2"), strict=True)
         if np.isfinite(limit)
     ]
+    in_time, advice = ("", "") if fair.is_complete else (" in time", " allow more time,")
     return (
-        f"no path with a curvature within {' and '.join(allowed)} was found: the best one has "
-        f"{bend[piece]:.3g} 1/m and {change[piece]:.3g} 1/m^2 at ({x:.2f}, {y:.2f}) m; raise the "
-        "limits, or lower the margin"
+        f"no path with a curvature within {' and '.join(allowed)} was found{in_time}: the best one "
+        f"has {bend[piece]:.3g} 1/m and {change[piece]:.3g} 1/m^2 at ({x:.2f}, {y:.2f}) m;{advice} "
+        "raise the limits, or lower the margin"
     )
 
 
