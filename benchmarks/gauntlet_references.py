@@ -18,10 +18,10 @@ from omnidrive.reference import (
     limit_rows,
     shortest_duration_within,
 )
-from omnidrive.reference.piecewise_path import PathDerivatives, PiecewisePath
-from omnidrive.reference.reachability import max_squared_speeds
 from omnidrive.reference.shapes import Circle, Eight, RaisedCosine, RandomSmooth, Shape, Square
-from omnidrive.reference.time_parameterization import interval_rows
+from omnidrive.reference.timing.piecewise_path import PathDerivatives, PiecewisePath
+from omnidrive.reference.timing.reachability import max_squared_speeds
+from omnidrive.reference.timing.time_parameterization import interval_rows
 from omnidrive.robot import ROBOTS, Robot
 
 SHARE = 0.7

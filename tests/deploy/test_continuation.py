@@ -36,7 +36,7 @@ from omnidrive.reference import (
     delay_within_limits,
     load_waypoints,
 )
-from omnidrive.reference.limits import SPEED_SHARE
+from omnidrive.reference.timing.limits import SPEED_SHARE
 from omnidrive.robot import force_share
 
 DT = 0.05

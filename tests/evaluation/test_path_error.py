@@ -10,7 +10,7 @@ from omnidrive.evaluation import measure, path_errors
 from omnidrive.evaluation.measures.path_error import arrival
 from omnidrive.geometry import Pose
 from omnidrive.reference import Eight, ShapeReference, delay_within_limits, limit_rows
-from omnidrive.reference.limits import MotionLimits
+from omnidrive.reference.timing.limits import MotionLimits
 from omnidrive.robot import named_robot
 from tests.evaluation.test_metrics import log
 

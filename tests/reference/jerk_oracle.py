@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omnidrive.reference.transcription import casadi
+from omnidrive.reference.path_optimisation.transcription import casadi
 
 _STEPS = 100
 _SHARES = (0.0, 0.5, 1.0)  # of each step, where limits hold

@@ -23,8 +23,8 @@ from omnidrive.reference import (
     limit_usage,
 )
 from omnidrive.reference.limit_sampling import sample_within_limits
-from omnidrive.reference.piecewise_path import PiecewisePath, rotate_into_body
-from omnidrive.reference.time_parameterization import time_optimal_reference
+from omnidrive.reference.timing.piecewise_path import PiecewisePath, rotate_into_body
+from omnidrive.reference.timing.time_parameterization import time_optimal_reference
 from omnidrive.robot import named_robot
 from tests.examples import examples
 

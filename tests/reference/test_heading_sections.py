@@ -9,8 +9,8 @@ from omnidrive.errors import InvalidInput, InvalidReference
 from omnidrive.geometry import wrap
 from omnidrive.planning.polyline import cumulative_length
 from omnidrive.reference import HeadingSection, MotionLimits, time_within_limits
-from omnidrive.reference.heading_sections import heading_in_sections
-from omnidrive.reference.least_strafing import least_strafing
+from omnidrive.reference.headings.heading_sections import heading_in_sections
+from omnidrive.reference.headings.least_strafing import least_strafing
 from omnidrive.robot import named_robot
 from tests.reference.sample_paths import straight
 from tests.reference.test_least_strafing import smooth_path

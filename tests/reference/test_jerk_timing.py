@@ -12,8 +12,8 @@ from omnidrive.geometry import WorldTwist
 from omnidrive.maps import CostMap, OccupancyGrid
 from omnidrive.planning import SplinePath
 from omnidrive.reference import MotionLimits, SmoothReference, TimedReference, time_within_limits
-from omnidrive.reference.limits import jerk_rows, limit_rows
-from omnidrive.reference.piecewise_path import PiecewisePath
+from omnidrive.reference.timing.limits import jerk_rows, limit_rows
+from omnidrive.reference.timing.piecewise_path import PiecewisePath
 from omnidrive.robot import Chassis
 from tests.examples import examples
 from tests.reference.jerk_oracle import shortest_duration_by_ipopt

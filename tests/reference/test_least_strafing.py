@@ -8,10 +8,10 @@ import pytest
 from omnidrive.geometry import wrap
 from omnidrive.planning import SplinePath
 from omnidrive.reference import MotionLimits, time_within_limits
-from omnidrive.reference.heading_policies import turning_once
-from omnidrive.reference.heading_spline import TURN_LENGTH
-from omnidrive.reference.initial_headings import with_end_headings
-from omnidrive.reference.least_strafing import least_strafing
+from omnidrive.reference.headings.heading_policies import turning_once
+from omnidrive.reference.headings.heading_spline import TURN_LENGTH
+from omnidrive.reference.headings.initial_headings import with_end_headings
+from omnidrive.reference.headings.least_strafing import least_strafing
 from omnidrive.robot import named_robot
 from tests.reference.sample_paths import straight, turning, wandering
 

@@ -18,22 +18,22 @@ from omnidrive.reference import (
     time_within_limits,
     transcription,
 )
-from omnidrive.reference.free_heading import free_heading
-from omnidrive.reference.initial_headings import with_end_headings
-from omnidrive.reference.limits import limit_rows
-from omnidrive.reference.spline_basis import bezier_basis
-from omnidrive.reference.transcription import (
+from omnidrive.reference.headings.free_heading import free_heading
+from omnidrive.reference.headings.initial_headings import with_end_headings
+from omnidrive.reference.path_optimisation.spline_basis import bezier_basis
+from omnidrive.reference.path_optimisation.transcription import (
     InitialGuess,
     OptimisedPath,
     Transcription,
     _limit_step,
     optimise_path,
 )
+from omnidrive.reference.timing.limits import limit_rows
 from omnidrive.robot import Chassis, named_robot
 from tests.reference.sample_paths import CROSS, FOUR, straight, turning, wandering, worst_shares
 
 MODULE = import_module(
-    "omnidrive.reference.minimum_time"
+    "omnidrive.reference.path_optimisation.minimum_time"
 )  # the package exports a function of this name
 
 PIECES = MODULE._PIECES

@@ -9,7 +9,7 @@ from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath, Waypoint, footprint_clearance, plan_footprint
 from omnidrive.planning.footprint import pose_distance, unproved_pieces
 from omnidrive.reference import MotionLimits, minimum_time, time_within_limits
-from omnidrive.reference.transcription import Transcription
+from omnidrive.reference.path_optimisation.transcription import Transcription
 from omnidrive.robot import named_robot
 
 ROBOT = named_robot("mecanum")

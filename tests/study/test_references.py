@@ -20,8 +20,8 @@ from omnidrive.reference import (
     load_waypoints,
     save_waypoints,
 )
-from omnidrive.reference.limits import SPEED_SHARE
 from omnidrive.reference.shapes import Circle, Eight
+from omnidrive.reference.timing.limits import SPEED_SHARE
 from omnidrive.scenario import load_scenario, paper_scenario, plan_and_check, plan_at, retime
 from omnidrive.scenario.scenario_file import parse_scenario, save_scenario, scenario_data
 from omnidrive.study import run_study

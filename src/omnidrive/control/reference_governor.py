@@ -21,8 +21,8 @@ from omnidrive.reference import (
     delay_within_limits,
     needed_limits,
 )
-from omnidrive.reference.limits import SPEED_SHARE
 from omnidrive.reference.reference import WindowReference
+from omnidrive.reference.timing.limits import SPEED_SHARE
 from omnidrive.robot import Chassis, force_share
 
 TOLERATED_DELAY = 0.1

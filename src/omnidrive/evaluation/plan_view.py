@@ -13,7 +13,7 @@ from omnidrive.maps import CostMap, OccupancyGrid
 from omnidrive.planning import Path
 from omnidrive.planning.polyline import cumulative_length
 from omnidrive.reference import LimitRows
-from omnidrive.reference.piecewise_path import rotate_into_body
+from omnidrive.reference.timing.piecewise_path import rotate_into_body
 from omnidrive.robot import Robot
 
 _MOVING = 1e-3

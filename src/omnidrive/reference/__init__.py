@@ -15,25 +15,25 @@ All of them satisfy the protocol :class:`Reference`:
 
 from omnidrive.choices import Heading
 from omnidrive.reference.components import ReferenceContext
-from omnidrive.reference.corridor import Corridor
 from omnidrive.reference.delay_within_limits import delay_within_limits, needed_limits
 from omnidrive.reference.delayed_reference import DelayedReference
-from omnidrive.reference.heading_sections import HeadingSection
+from omnidrive.reference.headings.heading_sections import HeadingSection
 from omnidrive.reference.limit_sampling import sample_within_limits
 from omnidrive.reference.limit_usage import limit_usage, shortest_duration_within, slowed_to
-from omnidrive.reference.limited_reference import LimitedReference
-from omnidrive.reference.limits import LimitRows, MotionLimits, limit_rows
-from omnidrive.reference.minimum_time import MinimumTime, minimum_time
-from omnidrive.reference.path_timing import time_within_limits
+from omnidrive.reference.path_optimisation.corridor import Corridor
+from omnidrive.reference.path_optimisation.minimum_time import MinimumTime, minimum_time
 from omnidrive.reference.reference import Hold, Reference, Setpoint
 from omnidrive.reference.reference_path import ReferencePath
 from omnidrive.reference.retimed_reference import RetimedReference
 from omnidrive.reference.sampled_reference import SampledReference
 from omnidrive.reference.shape_reference import ShapeReference
 from omnidrive.reference.shapes import Circle, Eight, RaisedCosine, RandomSmooth, Slalom, Square
-from omnidrive.reference.smooth_reference import SmoothReference
 from omnidrive.reference.spliced_reference import SplicedReference
-from omnidrive.reference.timed_reference import TimedReference
+from omnidrive.reference.timing.limited_reference import LimitedReference
+from omnidrive.reference.timing.limits import LimitRows, MotionLimits, limit_rows
+from omnidrive.reference.timing.path_timing import time_within_limits
+from omnidrive.reference.timing.smooth_reference import SmoothReference
+from omnidrive.reference.timing.timed_reference import TimedReference
 from omnidrive.reference.uniform_reference import (
     UniformReference,
     shortest_duration,

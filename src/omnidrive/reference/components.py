@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from omnidrive.choices import TableHeading
 from omnidrive.geometry import Pose
 from omnidrive.reference.limit_usage import shortest_duration_within
-from omnidrive.reference.limits import MotionLimits, limit_rows
 from omnidrive.reference.reference import Reference
 from omnidrive.reference.shape_reference import ORIGIN, ShapeReference
 from omnidrive.reference.shapes import (
@@ -19,6 +18,7 @@ from omnidrive.reference.shapes import (
     Slalom,
     Square,
 )
+from omnidrive.reference.timing.limits import MotionLimits, limit_rows
 from omnidrive.reference.waypoint_reference import waypoint_reference
 from omnidrive.robot import Robot
 

@@ -13,15 +13,15 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.reference.delayed_progress import delayed_squared_rates
 from omnidrive.reference.delayed_reference import DelayedReference
-from omnidrive.reference.limits import LimitRows, limit_terms
 from omnidrive.reference.motion import Motion, limit_shares
-from omnidrive.reference.piecewise_path import (
+from omnidrive.reference.reference import Reference, check_duration
+from omnidrive.reference.sampled_reference import MAX_SAMPLES, SampledReference
+from omnidrive.reference.timing.limits import LimitRows, limit_terms
+from omnidrive.reference.timing.piecewise_path import (
     PathDerivatives,
     body_derivatives,
     rotate_into_body,
 )
-from omnidrive.reference.reference import Reference, check_duration
-from omnidrive.reference.sampled_reference import MAX_SAMPLES, SampledReference
 
 AVERAGING_TIME = 0.1
 """Time, in s, before and after a sample over which its acceleration is averaged."""
@@ -72,7 +72,7 @@ def delay_within_limits(
 
     Args:
         reference: The motion.
-        limits: Limits, see :func:`~omnidrive.reference.limits.limit_rows`.
+        limits: Limits, see :func:`~omnidrive.reference.timing.limits.limit_rows`.
         rest: Whether the motion starts and ends at rest, as a robot does. False: the velocity may
             jump there, as that of a reference with uniform timing does.
 
@@ -142,7 +142,8 @@ def _limit_rows(
 ) -> tuple[Float[Array, "intervals rows"], Float[Array, "intervals rows"]]:
     """Return all limits as rows ``|a u + b x| <= 1`` at both ends of each interval.
 
-    As :func:`~omnidrive.reference.time_parameterization.interval_rows`; s is the reference's time.
+    As :func:`~omnidrive.reference.timing.time_parameterization.interval_rows`; s is the time of the
+    reference.
     """
     motion = PathDerivatives(samples.poses, samples.twists, accelerations)
     along, across = limit_terms(body_derivatives(motion), limits)

@@ -1,8 +1,9 @@
 """Progress along a reference within linear limits that is never ahead of its timing.
 
-The path parameter s is the time of the reference. As in :mod:`~omnidrive.reference.reachability`,
-the path acceleration u = d2s/dt2 is constant on each interval, x = (ds/dt)^2 is the squared rate,
-and all limits are rows ``|a u + b x| <= 1``. The delay is t - s.
+The path parameter s is the time of the reference. As in
+:mod:`~omnidrive.reference.timing.reachability`, the path acceleration u = d2s/dt2 is constant on
+each interval, x = (ds/dt)^2 is the squared rate, and all limits are rows ``|a u + b x| <= 1``. The
+delay is t - s.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
-from omnidrive.reference.reachability import acceleration_range, controllable_speeds
+from omnidrive.reference.timing.reachability import acceleration_range, controllable_speeds
 
 _BISECTIONS = 40
 _NO_DELAY = 1e-9

@@ -10,12 +10,12 @@ from jaxtyping import Float, Int
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.maps import CostMap
-from omnidrive.reference.limited_reference import LimitedReference
-from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.reference import Reference
 from omnidrive.reference.sampled_reference import MAX_SAMPLES, SampledReference
-from omnidrive.reference.timed_reference import TimedReference
-from omnidrive.reference.zone_speeds import ZoneSpeeds
+from omnidrive.reference.timing.limited_reference import LimitedReference
+from omnidrive.reference.timing.limits import LimitRows
+from omnidrive.reference.timing.timed_reference import TimedReference
+from omnidrive.reference.timing.zone_speeds import ZoneSpeeds
 
 EXCESS = 0.01
 """Tolerated relative excess of a limit between samples."""

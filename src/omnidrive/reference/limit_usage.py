@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from omnidrive.reference.limited_reference import LimitedReference
-from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.motion import limit_shares
 from omnidrive.reference.reference import Reference
 from omnidrive.reference.retimed_reference import RetimedReference
 from omnidrive.reference.sampled_reference import SampledReference
 from omnidrive.reference.shape_reference import ShapeReference
+from omnidrive.reference.timing.limited_reference import LimitedReference
+from omnidrive.reference.timing.limits import LimitRows
 
 _SAMPLES = 4000
 
@@ -26,7 +26,7 @@ def limit_usage(reference: Reference, limits: tuple[LimitRows, ...]) -> dict[str
 
     Args:
         reference: The motion.
-        limits: Limits, see :func:`~omnidrive.reference.limits.limit_rows`.
+        limits: Limits, see :func:`~omnidrive.reference.timing.limits.limit_rows`.
     """
     if isinstance(reference, RetimedReference):
         faster = reference.reference.duration / reference.duration

@@ -7,8 +7,8 @@ from typing import NamedTuple
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.piecewise_path import PathDerivatives, body_derivatives
+from omnidrive.reference.timing.limits import LimitRows
+from omnidrive.reference.timing.piecewise_path import PathDerivatives, body_derivatives
 
 
 class Motion(NamedTuple):

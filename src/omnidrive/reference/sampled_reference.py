@@ -11,10 +11,10 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
-from omnidrive.reference.limits import LimitRows
 from omnidrive.reference.motion import Motion, limit_shares
 from omnidrive.reference.reference import Reference, WindowReference
-from omnidrive.reference.zone_speeds import ZoneSpeeds
+from omnidrive.reference.timing.limits import LimitRows
+from omnidrive.reference.timing.zone_speeds import ZoneSpeeds
 
 MIN_STEP = 1e-6
 """Shortest time between samples, in s; over a shorter one, rounding errors of the poses would

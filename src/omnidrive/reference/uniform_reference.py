@@ -11,8 +11,8 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import SplinePath
-from omnidrive.reference.piecewise_path import rotate_into_body
 from omnidrive.reference.reference import WindowReference, check_duration
+from omnidrive.reference.timing.piecewise_path import rotate_into_body
 from omnidrive.robot import Chassis
 
 

@@ -10,10 +10,10 @@ from omnidrive.choices import TableHeading
 from omnidrive.errors import InvalidReference, one_line
 from omnidrive.files.str_path import StrPath
 from omnidrive.planning import Path, SplinePath
-from omnidrive.reference.limited_reference import LimitedReference
-from omnidrive.reference.limits import MotionLimits
-from omnidrive.reference.path_timing import time_within_limits
 from omnidrive.reference.sampled_reference import SampledReference
+from omnidrive.reference.timing.limited_reference import LimitedReference
+from omnidrive.reference.timing.limits import MotionLimits
+from omnidrive.reference.timing.path_timing import time_within_limits
 from omnidrive.reference.waypoints import load_waypoints
 from omnidrive.robot import Robot
 

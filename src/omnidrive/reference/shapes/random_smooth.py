@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.parameter import Bounds
-from omnidrive.reference.piecewise_path import PathDerivatives
 from omnidrive.reference.shapes.shape import Shape
+from omnidrive.reference.timing.piecewise_path import PathDerivatives
 
 
 @dataclass(frozen=True, kw_only=True)

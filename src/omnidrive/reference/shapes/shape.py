@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.parameter import Bounds, check_bounds, check_choice
-from omnidrive.reference.piecewise_path import PathDerivatives
+from omnidrive.reference.timing.piecewise_path import PathDerivatives
 
 ShapeHeading = Literal["tangent", "fixed"]
 """Heading along the direction of travel; heading of the start."""

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.geometry import wrap
 from omnidrive.planning import SplinePath
-from omnidrive.reference.spline_basis import bezier_basis, spline_basis
+from omnidrive.reference.path_optimisation.spline_basis import bezier_basis, spline_basis
 from omnidrive.reference.waypoint_motion.layout import Layout, Part
 from omnidrive.reference.waypoint_motion.regions import Region, separation
 from omnidrive.reference.waypoint_motion.waypoint import MotionSection, MotionWaypoint

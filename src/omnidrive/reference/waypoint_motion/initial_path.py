@@ -14,7 +14,7 @@ from omnidrive.errors import OmnidriveError
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath, search
 from omnidrive.planning.polyline import cumulative_length
-from omnidrive.reference.spline_basis import spline_basis
+from omnidrive.reference.path_optimisation.spline_basis import spline_basis
 from omnidrive.reference.waypoint_motion.constraints import Constraint
 from omnidrive.reference.waypoint_motion.layout import Layout
 from omnidrive.reference.waypoint_motion.waypoint import MotionSection, MotionWaypoint

@@ -14,11 +14,11 @@ from omnidrive.arrays import Array
 from omnidrive.errors import NoPathFound, NoPathYet
 from omnidrive.planning import SplinePath
 from omnidrive.planning.deadline import Deadline
-from omnidrive.reference.limits import LimitRows, MotionLimits, SectionLimit, limit_rows
-from omnidrive.reference.piecewise_path import PiecewisePath
-from omnidrive.reference.time_parameterization import PathSections, time_optimal_reference
-from omnidrive.reference.timed_reference import TimedReference
-from omnidrive.reference.transcription import casadi
+from omnidrive.reference.path_optimisation.transcription import casadi
+from omnidrive.reference.timing.limits import LimitRows, MotionLimits, SectionLimit, limit_rows
+from omnidrive.reference.timing.piecewise_path import PiecewisePath
+from omnidrive.reference.timing.time_parameterization import PathSections, time_optimal_reference
+from omnidrive.reference.timing.timed_reference import TimedReference
 from omnidrive.reference.waypoint_motion.constraints import constraints_of, margins
 from omnidrive.reference.waypoint_motion.faults import TOLERANCE, check_guess, check_problem
 from omnidrive.reference.waypoint_motion.initial_path import InitialPath, initial_path, through

@@ -11,16 +11,16 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.planning import SplinePath
 from omnidrive.planning.deadline import Deadline
-from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.spline_basis import bezier_basis, spline_basis
-from omnidrive.reference.timed_reference import TimedReference
-from omnidrive.reference.transcription import (
+from omnidrive.reference.path_optimisation.spline_basis import bezier_basis, spline_basis
+from omnidrive.reference.path_optimisation.transcription import (
     GAUSS_POINTS,
     PER_PIECE,
     casadi,
     limit_functions,
     spline_motion,
 )
+from omnidrive.reference.timing.limits import LimitRows
+from omnidrive.reference.timing.timed_reference import TimedReference
 from omnidrive.reference.waypoint_motion.constraints import Constraint
 from omnidrive.reference.waypoint_motion.initial_path import InitialPath, held_yaw
 from omnidrive.reference.waypoint_motion.layout import Layout, Part
@@ -100,12 +100,12 @@ class Program:
     """Minimum-time problem through waypoints from one initial path.
 
     The unknowns are the control points and squared speeds of
-    :class:`~omnidrive.reference.transcription.Transcription` for each spline from stop to stop.
-    Limits of a section hold at the nodes and Gauss points of its pieces. The Bezier points of a
-    piece are inside each region to keep in; a line between them and each region to keep out, whose
-    direction is an unknown, separates their hulls, so that the whole piece is outside. Every
-    constraint on poses may be violated by an unknown that is 0, or has a large cost in elastic
-    mode.
+    :class:`~omnidrive.reference.path_optimisation.transcription.Transcription` for each spline from
+    stop to stop. Limits of a section hold at the nodes and Gauss points of its pieces. The Bezier
+    points of a piece are inside each region to keep in; a line between them and each region to keep
+    out, whose direction is an unknown, separates their hulls, so that the whole piece is outside.
+    Every constraint on poses may be violated by an unknown that is 0, or has a large cost in
+    elastic mode.
 
     Raises:
         MissingExtra: CasADi is not installed.

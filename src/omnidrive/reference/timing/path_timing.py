@@ -13,19 +13,19 @@ from omnidrive.geometry import WorldTwist, wrap
 from omnidrive.maps import CostMap
 from omnidrive.parameter import check_choice
 from omnidrive.planning import SplinePath
-from omnidrive.reference.free_heading import free_heading
-from omnidrive.reference.heading_policies import facing, fast_candidates, turning_once
-from omnidrive.reference.heading_sections import HeadingSection, heading_in_sections
-from omnidrive.reference.initial_headings import check_end_headings
-from omnidrive.reference.jerk_timing import fastest_reference
-from omnidrive.reference.least_strafing import least_strafing
-from omnidrive.reference.limits import LimitRows, MotionLimits, jerk_rows, limit_rows
-from omnidrive.reference.piecewise_path import FixedHeading, PiecewisePath
+from omnidrive.reference.headings.free_heading import free_heading
+from omnidrive.reference.headings.heading_policies import facing, fast_candidates, turning_once
+from omnidrive.reference.headings.heading_sections import HeadingSection, heading_in_sections
+from omnidrive.reference.headings.initial_headings import check_end_headings
+from omnidrive.reference.headings.least_strafing import least_strafing
 from omnidrive.reference.reference import Reference
-from omnidrive.reference.smooth_reference import SmoothReference
-from omnidrive.reference.time_parameterization import estimated_duration
-from omnidrive.reference.timed_reference import TimedReference
-from omnidrive.reference.zone_speeds import ZoneSpeeds
+from omnidrive.reference.timing.jerk_timing import fastest_reference
+from omnidrive.reference.timing.limits import LimitRows, MotionLimits, jerk_rows, limit_rows
+from omnidrive.reference.timing.piecewise_path import FixedHeading, PiecewisePath
+from omnidrive.reference.timing.smooth_reference import SmoothReference
+from omnidrive.reference.timing.time_parameterization import estimated_duration
+from omnidrive.reference.timing.timed_reference import TimedReference
+from omnidrive.reference.timing.zone_speeds import ZoneSpeeds
 from omnidrive.robot import Chassis
 
 _TOLERANCE = 1e-6

@@ -11,11 +11,11 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
-from omnidrive.reference.limits import LimitRows, SectionLimit, limit_terms
-from omnidrive.reference.piecewise_path import PiecewisePath, body_derivatives
-from omnidrive.reference.reachability import max_squared_speeds
-from omnidrive.reference.timed_reference import TimedReference
-from omnidrive.reference.zone_speeds import ZoneSpeeds
+from omnidrive.reference.timing.limits import LimitRows, SectionLimit, limit_terms
+from omnidrive.reference.timing.piecewise_path import PiecewisePath, body_derivatives
+from omnidrive.reference.timing.reachability import max_squared_speeds
+from omnidrive.reference.timing.timed_reference import TimedReference
+from omnidrive.reference.timing.zone_speeds import ZoneSpeeds
 
 _SHARES = (0.0, 0.5, 1.0)
 """Collocation points of an interval: the limits hold there by construction."""

@@ -6,10 +6,10 @@ import numpy as np
 
 from omnidrive.errors import InvalidReference
 from omnidrive.planning import SplinePath
-from omnidrive.reference.initial_headings import initial_headings
-from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.piecewise_path import check_path_moves
-from omnidrive.reference.transcription import InitialGuess, optimise_path
+from omnidrive.reference.headings.initial_headings import initial_headings
+from omnidrive.reference.path_optimisation.transcription import InitialGuess, optimise_path
+from omnidrive.reference.timing.limits import LimitRows
+from omnidrive.reference.timing.piecewise_path import check_path_moves
 
 MAX_POINTS = 1000
 """Largest number of control points whose headings are optimised together."""

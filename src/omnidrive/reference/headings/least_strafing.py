@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from omnidrive.planning import SplinePath
-from omnidrive.reference.heading_spline import PathSamples
+from omnidrive.reference.headings.heading_spline import PathSamples
 
 
 def least_strafing(

@@ -10,9 +10,9 @@ from jaxtyping import Float
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference
-from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.piecewise_path import PathDerivatives, PiecewisePath
 from omnidrive.reference.reference import WindowReference
+from omnidrive.reference.timing.limits import LimitRows
+from omnidrive.reference.timing.piecewise_path import PathDerivatives, PiecewisePath
 
 
 class LimitedReference(WindowReference):

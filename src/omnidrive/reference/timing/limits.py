@@ -234,7 +234,7 @@ def limit_terms(
 
     Args:
         body: b, db/ds and R^T q'', see
-            :func:`~omnidrive.reference.piecewise_path.body_derivatives`.
+            :func:`~omnidrive.reference.timing.piecewise_path.body_derivatives`.
         limits: The limits.
 
     Returns:

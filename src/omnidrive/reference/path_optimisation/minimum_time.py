@@ -15,19 +15,19 @@ from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath
 from omnidrive.planning.deadline import Deadline
 from omnidrive.planning.polyline import cumulative_length
-from omnidrive.reference.corridor import Corridor
-from omnidrive.reference.initial_headings import (
+from omnidrive.reference.headings.initial_headings import (
     check_end_headings,
     initial_headings,
     with_end_headings,
 )
-from omnidrive.reference.jerk_timing import fastest_reference
-from omnidrive.reference.limits import LimitRows, MotionLimits, jerk_rows, limit_rows
-from omnidrive.reference.piecewise_path import PiecewisePath
-from omnidrive.reference.proved_path import ProofMap, fastest_proved
-from omnidrive.reference.smooth_reference import SmoothReference
-from omnidrive.reference.timed_reference import TimedReference
-from omnidrive.reference.transcription import InitialGuess, casadi, optimise_path
+from omnidrive.reference.path_optimisation.corridor import Corridor
+from omnidrive.reference.path_optimisation.proved_path import ProofMap, fastest_proved
+from omnidrive.reference.path_optimisation.transcription import InitialGuess, casadi, optimise_path
+from omnidrive.reference.timing.jerk_timing import fastest_reference
+from omnidrive.reference.timing.limits import LimitRows, MotionLimits, jerk_rows, limit_rows
+from omnidrive.reference.timing.piecewise_path import PiecewisePath
+from omnidrive.reference.timing.smooth_reference import SmoothReference
+from omnidrive.reference.timing.timed_reference import TimedReference
 from omnidrive.robot import Chassis
 
 _PIECES = 48
@@ -84,7 +84,7 @@ def minimum_time(
     changed near the ends to meet given end headings. The result is never slower than
     :func:`time_within_limits` along the start path, which is returned if no faster motion is found.
     With a footprint there is no corridor: the polygon is proved to be free along the new path, see
-    :func:`~omnidrive.reference.proved_path.fastest_proved`.
+    :func:`~omnidrive.reference.path_optimisation.proved_path.fastest_proved`.
 
     Args:
         path: Path in free cells or, with a footprint, on which the polygon is free.

@@ -11,17 +11,21 @@ from jaxtyping import Float, Int
 
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
-from omnidrive.reference.jerk_limits import SHARES, JerkProblem, SpeedSpline
-from omnidrive.reference.limits import LimitRows, limit_terms
-from omnidrive.reference.piecewise_path import PathDerivatives, PiecewisePath, body_derivatives
-from omnidrive.reference.smooth_reference import SmoothReference, jerk_terms
-from omnidrive.reference.time_parameterization import (
+from omnidrive.reference.timing.jerk_limits import SHARES, JerkProblem, SpeedSpline
+from omnidrive.reference.timing.limits import LimitRows, limit_terms
+from omnidrive.reference.timing.piecewise_path import (
+    PathDerivatives,
+    PiecewisePath,
+    body_derivatives,
+)
+from omnidrive.reference.timing.smooth_reference import SmoothReference, jerk_terms
+from omnidrive.reference.timing.time_parameterization import (
     ZONE_SHARES,
     time_optimal_reference,
     zone_rows,
 )
-from omnidrive.reference.timed_reference import TimedReference
-from omnidrive.reference.zone_speeds import ZoneSpeeds
+from omnidrive.reference.timing.timed_reference import TimedReference
+from omnidrive.reference.timing.zone_speeds import ZoneSpeeds
 
 _FIRST_NODES = 400
 """Intervals of the path, at least; each piece has at least two."""

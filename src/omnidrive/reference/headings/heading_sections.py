@@ -16,7 +16,7 @@ from omnidrive.errors import InvalidInput, InvalidReference
 from omnidrive.parameter import check_choice
 from omnidrive.planning import SplinePath
 from omnidrive.planning.polyline import cumulative_length
-from omnidrive.reference.heading_spline import Directions, PathSamples
+from omnidrive.reference.headings.heading_spline import Directions, PathSamples
 
 SectionHeading = Literal["path", "tangent", "fixed", "face"]
 """Headings of the path; direction of travel; one heading; toward a point."""
@@ -72,10 +72,10 @@ def heading_in_sections(
 ) -> SplinePath:
     """Return the path with headings by the rules of its sections, and smooth turns between them.
 
-    The headings are those of :func:`~omnidrive.reference.least_strafing.least_strafing` with the
-    directions of the sections in the place of the direction of travel: within about 0.4 m of a
-    boundary at which the directions differ, and of an end with a given heading, the heading turns
-    from one to the other. Between sections it turns as little as possible.
+    The headings are those of :func:`~omnidrive.reference.headings.least_strafing.least_strafing`
+    with the directions of the sections in the place of the direction of travel: within about 0.4 m
+    of a boundary at which the directions differ, and of an end with a given heading, the heading
+    turns from one to the other. Between sections it turns as little as possible.
 
     Args:
         path: Path to follow.

@@ -9,9 +9,13 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.reference.limited_reference import LimitedReference
-from omnidrive.reference.limits import LimitRows, SectionLimit
-from omnidrive.reference.piecewise_path import PathDerivatives, PiecewisePath, body_derivatives
+from omnidrive.reference.timing.limited_reference import LimitedReference
+from omnidrive.reference.timing.limits import LimitRows, SectionLimit
+from omnidrive.reference.timing.piecewise_path import (
+    PathDerivatives,
+    PiecewisePath,
+    body_derivatives,
+)
 
 _CHECKS = 8
 """Number of points per interval, besides its start, at which limits are evaluated."""

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
-from omnidrive.reference.limited_reference import LimitedReference
-from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.piecewise_path import (
+from omnidrive.reference.timing.limited_reference import LimitedReference
+from omnidrive.reference.timing.limits import LimitRows
+from omnidrive.reference.timing.piecewise_path import (
     PathDerivatives,
     PiecewisePath,
     body_derivatives,

@@ -9,8 +9,8 @@ import numpy as np
 from omnidrive.errors import InvalidInput, InvalidReference
 from omnidrive.planning import SplinePath
 from omnidrive.planning.polyline import cumulative_length
-from omnidrive.reference.initial_headings import directions_of_travel, meet_ends
-from omnidrive.reference.piecewise_path import PiecewisePath, check_path_moves
+from omnidrive.reference.headings.initial_headings import directions_of_travel, meet_ends
+from omnidrive.reference.timing.piecewise_path import PiecewisePath, check_path_moves
 
 _TURN_WITHIN = 1.0
 """Distance over which the headings `goal-first` and `goal-last` turn, m."""

@@ -15,11 +15,11 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidReference, MissingExtra
 from omnidrive.planning import SplinePath
 from omnidrive.planning.deadline import Deadline
-from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.piecewise_path import PiecewisePath
-from omnidrive.reference.spline_basis import bezier_basis, spline_basis
-from omnidrive.reference.time_parameterization import time_optimal_reference
-from omnidrive.reference.timed_reference import TimedReference
+from omnidrive.reference.path_optimisation.spline_basis import bezier_basis, spline_basis
+from omnidrive.reference.timing.limits import LimitRows
+from omnidrive.reference.timing.piecewise_path import PiecewisePath
+from omnidrive.reference.timing.time_parameterization import time_optimal_reference
+from omnidrive.reference.timing.timed_reference import TimedReference
 
 PER_PIECE = 4
 """Intervals on each piece of the spline."""
@@ -290,7 +290,7 @@ def limit_functions(ca: ModuleType, limits: tuple[LimitRows, ...]) -> tuple[Any,
     """Return functions for the squared usage of speed limits, and the usage of all others.
 
     Their arguments are yaw, first derivative (, second derivative), x and u at one point. See
-    :func:`~omnidrive.reference.piecewise_path.body_derivatives` for the formulas.
+    :func:`~omnidrive.reference.timing.piecewise_path.body_derivatives` for the formulas.
     """
     yaw, x, u = ca.SX.sym("yaw"), ca.SX.sym("x"), ca.SX.sym("u")
     first, second = ca.SX.sym("first", 3), ca.SX.sym("second", 3)

@@ -13,8 +13,8 @@ from omnidrive.errors import NoPathFound
 from omnidrive.geometry import Pose
 from omnidrive.maps import OccupancyGrid
 from omnidrive.planning.polyline import cumulative_length
-from omnidrive.reference.piecewise_path import rotate_into_body
-from omnidrive.reference.spline_basis import bezier_basis
+from omnidrive.reference.path_optimisation.spline_basis import bezier_basis
+from omnidrive.reference.timing.piecewise_path import rotate_into_body
 
 _SAMPLES_PER_CELL = 4
 _MAX_SAMPLES = 1_000_000

@@ -15,10 +15,10 @@ from omnidrive.maps import OccupancyGrid
 from omnidrive.planning import SplinePath
 from omnidrive.planning.deadline import Deadline
 from omnidrive.planning.footprint import unproved_pieces
-from omnidrive.reference.limits import LimitRows
-from omnidrive.reference.piecewise_path import PiecewisePath
-from omnidrive.reference.time_parameterization import time_optimal_reference
-from omnidrive.reference.transcription import InitialGuess, Transcription
+from omnidrive.reference.path_optimisation.transcription import InitialGuess, Transcription
+from omnidrive.reference.timing.limits import LimitRows
+from omnidrive.reference.timing.piecewise_path import PiecewisePath
+from omnidrive.reference.timing.time_parameterization import time_optimal_reference
 
 _ROUNDS = 5
 """Largest number of optimisations, in ever narrower bounds."""

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput
 from omnidrive.planning import SplinePath
-from omnidrive.reference.limits import LimitRows
+from omnidrive.reference.timing.limits import LimitRows
 
 _TURN_WITHIN = 0.2
 """Share of the control points over which the headings change to a given end heading."""

@@ -1,0 +1,1 @@
+"""Headings along a path."""

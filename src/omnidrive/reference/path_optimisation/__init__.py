@@ -1,0 +1,1 @@
+"""Minimum-time motions whose path is optimised within free space."""

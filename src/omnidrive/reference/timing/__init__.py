@@ -1,0 +1,1 @@
+"""Timing along a path within limits of speed, acceleration and jerk."""
