@@ -16,10 +16,10 @@ from omnidrive.reference import (
     MotionLimits,
     minimum_time,
     time_within_limits,
-    transcription,
 )
 from omnidrive.reference.headings.free_heading import free_heading
 from omnidrive.reference.headings.initial_headings import with_end_headings
+from omnidrive.reference.path_optimisation import transcription
 from omnidrive.reference.path_optimisation.spline_basis import bezier_basis
 from omnidrive.reference.path_optimisation.transcription import (
     InitialGuess,
