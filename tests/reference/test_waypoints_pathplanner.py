@@ -10,8 +10,15 @@ from hypothesis import strategies as st
 from omnidrive.errors import InvalidReference
 from omnidrive.geometry import wrap
 from omnidrive.planning import Path, SplinePath
-from omnidrive.reference import SampledReference, UniformReference, load_waypoints, save_waypoints
+from omnidrive.reference import (
+    SampledReference,
+    UniformReference,
+    load_waypoints,
+    save_waypoints,
+    waypoint_reference,
+)
 from omnidrive.reference.waypoints.bezier_chain import chain_points, fit_chain, step_counts
+from omnidrive.robot import named_robot
 from tests.examples import examples
 
 CONTROL = np.array([[0, 0, 0], [1, 0, 0.5], [2, 1, 1], [2, 2, 2], [1, 3, 4], [0, 3, 4.0]])
@@ -130,6 +137,44 @@ def test_point_towards_zones(tmp_path):
         expected = np.arctan2(2.0, 3.0 - x) + np.pi
         assert wrap(heading_at(path, x) - expected) == pytest.approx(0.0, abs=2e-3)
     assert path.poses[0, 2] == 0.0
+
+
+def test_a_motion_keeps_the_limits_of_the_file_and_of_its_zones(tmp_path):
+    """The zone is slower than the path; it takes up to one piece of the spline more."""
+    zone = {
+        "name": "slow", "minWaypointRelativePos": 0.5, "maxWaypointRelativePos": 1.0,
+        "constraints": {"maxVelocity": 0.3, "maxAcceleration": 1.0},
+    }  # fmt: skip
+    file = tmp_path / "a.path"
+    limits = {"maxVelocity": 1.0, "maxAcceleration": 0.8}
+    file.write_text(
+        json.dumps(pathplanner(STRAIGHT, constraintZones=[zone], globalConstraints=limits))
+    )
+    motion = waypoint_reference(file, named_robot("paper"))
+    window = motion.window(0.0, 6001, motion.duration / 6000)
+    speed, inside = window[:, 3], (window[:, 0] >= 1.5) & (window[:, 0] <= 3.0)
+    assert speed[inside].max() <= 0.3 * (1.0 + 1e-3)
+    assert 0.9 <= speed[~inside].max() <= 1.0 + 1e-3
+    near = (window[:, 0] > 1.2) & (window[:, 0] < 3.3)
+    assert speed[~near].max() > 0.9
+    assert np.abs(np.diff(speed)).max() / (motion.duration / 6000) <= 1.0 + 1e-2
+
+
+def test_a_motion_rests_at_the_stops_of_a_file_of_2023(tmp_path):
+    def place(x, **flags):
+        return {
+            "anchorPoint": point(x, 0.0), "prevControl": point(x - 1.0, 0.0),
+            "nextControl": point(x + 1.0, 0.0), "holonomicAngle": 0.0, **flags,
+        }  # fmt: skip
+
+    way = [place(0.0), place(3.0, isStopPoint=True), place(6.0)]
+    file = tmp_path / "a.path"
+    file.write_text(json.dumps({"waypoints": way, "maxVelocity": 1.0, "maxAcceleration": 1.0}))
+    motion = waypoint_reference(file, named_robot("paper"))
+    window = motion.window(0.0, 6001, motion.duration / 6000)
+    rest = np.argmin(np.where(np.abs(window[:, 0] - 3.0) < 0.5, window[:, 3], 9.0))
+    assert window[rest, 3] <= 1e-2
+    assert window[rest, 0] == pytest.approx(3.0, abs=0.05)
 
 
 def test_file_of_2024(tmp_path):

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
 from typing import Literal
 
-import numpy as np
 from jaxtyping import Float
 
 from omnidrive.arrays import Array
@@ -15,7 +13,7 @@ from omnidrive.errors import NoPathFound, NoPathYet
 from omnidrive.planning import SplinePath
 from omnidrive.planning.deadline import Deadline
 from omnidrive.reference.path_optimisation.transcription import casadi
-from omnidrive.reference.timing.limits import LimitRows, MotionLimits, SectionLimit, limit_rows
+from omnidrive.reference.timing.limits import MotionLimits, SectionLimit, limit_rows
 from omnidrive.reference.timing.piecewise_path import PiecewisePath
 from omnidrive.reference.timing.time_parameterization import PathSections, time_optimal_reference
 from omnidrive.reference.timing.timed_reference import TimedReference
@@ -96,7 +94,7 @@ def minimum_time_through(
     check_guess(guess, len(points) - 1)
     rows = limit_rows(chassis, limits)
     constraints = tuple(constraints_of(points, counted))
-    section_limits = tuple((each, _rows(each, k)) for k, each in enumerate(counted))
+    section_limits = tuple((each, each.limit_rows(k)) for k, each in enumerate(counted))
     problem = Problem(points, constraints, rows, section_limits, body_radius)
     start = initial_path(points, counted, constraints, body_radius, guess)
     layout = start.layout
@@ -136,25 +134,6 @@ def _fastest(
             )
         raise NoPathFound(_blame(problem, program))
     return start.paths, "guess", timed
-
-
-def _rows(section: MotionSection, number: int) -> tuple[LimitRows, ...]:
-    """Return the finite limits of a section."""
-    plane, yaw = np.eye(3)[:2], np.eye(3)[2:]
-    groups = (
-        (LimitRows("speed", "speed", plane, euclidean=True), section.max_speed),
-        (LimitRows("yaw rate", "speed", yaw), section.max_yaw_rate),
-        (
-            LimitRows("acceleration", "acceleration", plane, euclidean=True),
-            section.max_acceleration,
-        ),
-        (LimitRows("yaw acceleration", "acceleration", yaw), section.max_yaw_acceleration),
-    )
-    return tuple(
-        group._replace(name=f"{group.name} of section {number}", rows=group.rows / limit)
-        for group, limit in groups
-        if isfinite(limit) and limit > 0.0  # with a yaw rate of 0 the path does not turn
-    )
 
 
 def _timed(problem: Problem, layout: Layout, paths: Sequence[SplinePath]) -> TimedReference:

@@ -31,12 +31,8 @@ def pathplanner_problem(root: Field) -> MotionProblem:
     curves = curves_of(root)
     count = len(curves)
     targets = rotation_targets(root, count)
-    limits = [(_range(zone, count), zone["constraints"]) for zone in _list(root, "constraintZones")]
-    aims = [(_range(zone, count), zone) for zone in _list(root, "pointTowardsZones")]
-    aims = [(bounds, zone) for bounds, zone in aims if bounds[1] > bounds[0]]
-    breaks = {*map(float, range(count + 1)), *targets}
-    breaks.update(value for bounds, _ in [*limits, *aims] for value in bounds)
-    places = sorted(breaks)
+    limits, aims = _zones(root, count)
+    places = waypoint_places(root)
     points = chain_points(curves, np.array(places))
     rests = _rests(root)
     waypoints = []
@@ -73,6 +69,25 @@ def pathplanner_problem(root: Field) -> MotionProblem:
         first, last = places.index(low), places.index(high)
         sections.append(MotionSection(first, last, point_at=point, point_offset=turn))
     return MotionProblem(tuple(waypoints), tuple(sections))
+
+
+def waypoint_places(root: Field) -> list[float]:
+    """Return the parameters of the waypoints of the problem on the curves, 1 for each curve."""
+    count = len(curves_of(root))
+    limits, aims = _zones(root, count)
+    places = {*map(float, range(count + 1)), *rotation_targets(root, count)}
+    places.update(value for bounds, _ in [*limits, *aims] for value in bounds)
+    return sorted(places)
+
+
+_Zones = list[tuple[tuple[float, float], Field]]
+
+
+def _zones(root: Field, count: int) -> tuple[_Zones, _Zones]:
+    """Return the zones with limits and those with a point to point at, with their bounds."""
+    limits = [(_range(zone, count), zone["constraints"]) for zone in _list(root, "constraintZones")]
+    aims = [(_range(zone, count), zone) for zone in _list(root, "pointTowardsZones")]
+    return limits, [(bounds, zone) for bounds, zone in aims if bounds[1] > bounds[0]]
 
 
 def _rests(root: Field) -> set[float]:

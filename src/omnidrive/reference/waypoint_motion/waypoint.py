@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 
+import numpy as np
+
+from omnidrive.reference.timing.limits import LimitRows
 from omnidrive.reference.waypoint_motion.regions import Region
 
 
@@ -65,3 +68,21 @@ class MotionSection:
     point_tolerance: float = 0.05
     point_offset: float = 0.0
     lane: float = inf
+
+    def limit_rows(self, number: int) -> tuple[LimitRows, ...]:
+        """Return the finite limits of speeds and accelerations; ``number`` is in their names."""
+        plane, yaw = np.eye(3)[:2], np.eye(3)[2:]
+        groups = (
+            (LimitRows("speed", "speed", plane, euclidean=True), self.max_speed),
+            (LimitRows("yaw rate", "speed", yaw), self.max_yaw_rate),
+            (
+                LimitRows("acceleration", "acceleration", plane, euclidean=True),
+                self.max_acceleration,
+            ),
+            (LimitRows("yaw acceleration", "acceleration", yaw), self.max_yaw_acceleration),
+        )
+        return tuple(
+            group._replace(name=f"{group.name} of section {number}", rows=group.rows / limit)
+            for group, limit in groups
+            if isfinite(limit) and limit > 0.0  # with a yaw rate of 0 the path does not turn
+        )

@@ -55,12 +55,21 @@ def read_pathplanner(file: pathlib.Path) -> Path:
 
     The headings are those of PathPlanner for a holonomic robot: the rotations of the start, the
     rotation targets, the point-towards zones and the end, with cosine interpolation over the
-    distance in between. Constraints, events and speeds are ignored.
+    distance in between. Events and speeds are ignored; constraints:
+    :func:`~omnidrive.reference.waypoint_motion.load_motion_problem`.
 
     Raises:
         InvalidReference: The file is not a valid path; the message gives the position.
     """
     root = read_json(file)
+    return untimed_waypoints(root.file, curve_poses(root)[1])
+
+
+def curve_poses(root: Field) -> tuple[Float[Array, " poses"], Float[Array, "poses 3"]]:
+    """Return poses along the curves of a path, and the path parameter of each, see above.
+
+    The parameter increases by 1 on each curve.
+    """
     controls = curves_of(root)
     spacing = _spacing(float(np.linalg.norm(np.diff(controls, axis=1), axis=2).sum()))
     counts = step_counts(controls, _READ_TOLERANCE, spacing)
@@ -83,7 +92,7 @@ def read_pathplanner(file: pathlib.Path) -> Path:
         np.interp(ordered, parameters, distance),
         np.unwrap([targets[at] for at in ordered]),
     )
-    return untimed_waypoints(root.file, np.column_stack([points, yaw]))
+    return parameters, np.column_stack([points, yaw])
 
 
 def write_pathplanner(file: pathlib.Path, waypoints: Waypoints, _frame_id: str) -> None:
