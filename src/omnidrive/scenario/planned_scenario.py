@@ -19,7 +19,6 @@ from omnidrive.planning.footprint import pose_distance
 from omnidrive.reference import (
     LimitedReference,
     LimitRows,
-    MotionLimits,
     Reference,
     ReferenceContext,
     ReferencePath,
@@ -27,14 +26,13 @@ from omnidrive.reference import (
     ShapeReference,
     limit_rows,
     limit_usage,
-    minimum_time,
     shortest_duration,
     shortest_duration_within,
     slowed_to,
     time_uniformly,
-    time_within_limits,
 )
 from omnidrive.robot import Robot
+from omnidrive.scenario.fastest_motion import fastest_motion, motion_limits
 from omnidrive.scenario.grids import grids_of, inflation_of, open_floor
 from omnidrive.scenario.path_planning import ScenarioPlan, planned_path
 from omnidrive.scenario.scenario import Scenario
@@ -140,7 +138,7 @@ class PlannedScenario:
         """Limits of the motion: speeds and, unless the timing is `uniform`, accelerations."""
         if self.motion is None:
             return self._speed_limits
-        return limit_rows(self.robot.chassis, _motion_limits(self.scenario, self.robot))
+        return limit_rows(self.robot.chassis, motion_limits(self.scenario, self.robot))
 
     @property
     def _speed_limits(self) -> tuple[LimitRows, ...]:
@@ -151,7 +149,7 @@ class PlannedScenario:
     def _whole_limits(self) -> tuple[LimitRows, ...]:
         """Limits of the motion without a reserve for feedback."""
         whole = replace(
-            _motion_limits(self.scenario, self.robot),
+            motion_limits(self.scenario, self.robot),
             wheel_speed=self.robot.max_wheel_speed,
             acceleration_faces=self.robot.acceleration_faces
             / max(self.scenario.timing.traction, 1.0),
@@ -256,7 +254,7 @@ def plan_scenario(scenario: Scenario, time_limit: float | None = None) -> Planne
             raise InvalidInput("a time limit applies to planned paths only: omit it")
         return _with_reference(scenario, robot, true_robot)
     obstacles, plan_ = planned_path(scenario, robot, time_limit)
-    path, fastest, note = _timed(scenario, robot, plan_, time_limit)
+    path, fastest, note = fastest_motion(scenario, robot, plan_, time_limit)
     return PlannedScenario(
         scenario, robot, true_robot, obstacles, plan_.free_space, plan_, path, fastest, note
     )
@@ -296,54 +294,6 @@ def _checked_motion(name: str, motion: object) -> Reference:
             f"window(t, n, dt), got an array of shape {np.shape(rows)}"
         )
     return motion
-
-
-def _motion_limits(scenario: Scenario, robot: Robot) -> MotionLimits:
-    """Return the limits of the section `timing`."""
-    timing = scenario.timing
-    limits = MotionLimits.of_robot(robot, share=timing.traction, max_speed=timing.max_speed)
-    return replace(
-        limits,
-        wheel_acceleration=timing.wheel_acceleration or inf,
-        jerk=timing.max_jerk or inf,
-        yaw_jerk=timing.max_yaw_jerk or inf,
-    )
-
-
-def _timed(
-    scenario: Scenario, robot: Robot, plan_: ScenarioPlan, time_limit: float | None
-) -> tuple[SplinePath, LimitedReference | None, str]:
-    """Return the path, the fastest motion along it, and the note on the timing."""
-    timing, chassis = scenario.timing, robot.chassis
-    if timing.law == "uniform":
-        return plan_.spline, None, ""
-    limits = _motion_limits(scenario, robot)
-    assert scenario.start is not None
-    assert scenario.goal is not None
-    if timing.law == "minimum-time":
-        is_polygon = isinstance(plan_, FootprintPlan) and plan_.shape == "polygon"
-        result = minimum_time(
-            plan_.spline,
-            chassis,
-            limits,
-            plan_.free_space,
-            start_yaw=scenario.start.yaw,
-            goal_yaw=scenario.goal.yaw,
-            footprint=np.array(robot.outline) if is_polygon else None,
-            time_limit=time_limit,
-        )
-        return result.path, result.reference, f"{result.status}: {result.message}"
-    reference = time_within_limits(
-        plan_.spline,
-        chassis,
-        limits,
-        heading=timing.heading,
-        start_yaw=scenario.start.yaw,
-        goal_yaw=scenario.goal.yaw,
-        zones=plan_.costs,
-        target=timing.target,
-    )
-    return plan_.spline, reference, ""
 
 
 def plan_and_check(scenario: Scenario, time_limit: float | None = None) -> PlannedScenario:
