@@ -6,10 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from omnidrive.planning.search import astar as astar_module
-from omnidrive.planning.search.astar import astar
+from omnidrive.planning.search.astar import AStar
 from omnidrive.planning.search.bit_tiles import empty_tiles, tile_index
 from omnidrive.planning.search.bitgrid import BitGrid
 from omnidrive.planning.search.heuristics import DIAGONAL, HEURISTICS, STRAIGHT
+from omnidrive.planning.search.interruptible import completed
 from omnidrive.planning.search.jump_grid import JUMP, JumpGrid, jumps
 from omnidrive.planning.search.lazy_theta import has_line_of_sight
 from omnidrive.planning.search.moves import MOVES, neighbourhood, pruned_moves
@@ -201,11 +202,11 @@ def test_low_bits_of_lengths_suffice(monkeypatch, heuristic, cut_corners, neighb
         bitgrid = BitGrid.of(occupied)
         free = np.argwhere(~occupied)
         ends = [bitgrid.index_of(tuple(free[i].tolist())) for i in (0, len(free) - 1)]
-        path, expansions = astar(bitgrid, *ends, move_table, HEURISTICS[heuristic])
+        path, expansions = completed(AStar(bitgrid, *ends, move_table, HEURISTICS[heuristic]))
         with monkeypatch.context() as patch:
             patch.setattr(
                 astar_module, "empty_tiles", lambda bitgrid, wide: empty_tiles(bitgrid, True)
             )
-            whole, as_many = astar(bitgrid, *ends, move_table, HEURISTICS[heuristic])
+            whole, as_many = completed(AStar(bitgrid, *ends, move_table, HEURISTICS[heuristic]))
         assert expansions == as_many
         assert (path == whole).all()

@@ -67,26 +67,12 @@ class Progress(NamedTuple):
         return self._replace(last=self.expansions + most)
 
 
-def astar(
-    bitgrid: BitGrid,
-    start: int,
-    goal: int,
-    move_table: UInt8[Array, "10 512"],
-    heuristic: Heuristic,
-) -> tuple[Int32[Array, " cells"], int]:
-    """Return the cells of a shortest path, empty if there is none, and the number of expansions.
+class AStar:
+    """Search of a shortest path by A* that can be interrupted, and continues where it was.
 
     Hart, Nilsson & Raphael 1968, "A formal basis for the heuristic determination of minimum cost
     paths". A cell is expanded again when a shorter path to it is found, so the order of the cells
     within a bucket does not affect the length of the result.
-    """
-    run = AStar(bitgrid, start, goal, move_table, heuristic)
-    run.explore()
-    return run.path(), run.progress.expansions
-
-
-class AStar:
-    """Search by A* that can be interrupted, and continues where it was.
 
     One word is kept per cell, 0 if the cell was not reached. A 32-bit word holds the lowest 27 bits
     of a length, which span 285 cells. With a consistent heuristic these bits suffice to compare the
@@ -94,7 +80,12 @@ class AStar:
     cell is expanded when its length is minimal up to one bucket, and since its neighbours can be
     reached from it, no path over them is longer by more than one bucket and two moves.
 
-    Args: as for :func:`astar`.
+    Args:
+        bitgrid: The cells.
+        start: Index of the start cell.
+        goal: Index of the goal cell.
+        move_table: Allowed moves by the last move and the neighbourhood.
+        heuristic: Estimate of the remaining length.
     """
 
     def __init__(
@@ -115,7 +106,7 @@ class AStar:
         )
         self.progress = Progress.of(ends)
 
-    def explore(self, most: int = INFINITE) -> bool:
+    def explore(self, most: int) -> bool:
         """Expand up to ``most`` cells; return whether the search has ended."""
         self._queue, self.progress = _explore(
             *self._problem, self._queue, self._ring, self.progress.until(most)

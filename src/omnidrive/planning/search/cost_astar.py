@@ -10,7 +10,6 @@ from omnidrive.compiled import compiled, inlined
 from omnidrive.planning.search.astar import (
     CLOSED,
     COLS,
-    INFINITE,
     LENGTH_SHIFT,
     ROWS,
     STEPS,
@@ -42,17 +41,8 @@ _MOVE_OF = np.zeros((3, 3), np.int64)
 _MOVE_OF[ROWS + 1, COLS + 1] = np.arange(len(MOVES))
 
 
-def cost_astar(  # noqa: PLR0917
-    bitgrid: BitGrid,
-    weights: UInt16[Array, "rows cols"],
-    lanes: UInt8[Array, "rows cols"],
-    against: int,
-    start: int,
-    goal: int,
-    allowed: UInt8[Array, " neighbourhoods"],
-    heuristic: Heuristic,
-) -> tuple[Int32[Array, " cells"], int, int]:
-    """Return the cells of a path of the least cost, its cost, and the number of expansions.
+class CostAStar:
+    """Search of a path of the least cost that can be interrupted, and continues where it was.
 
     A move costs its integer length (see :mod:`~omnidrive.planning.search.heuristics`) times the sum
     of the weights of both cells. Costs are integers, so that they compare exactly. The heuristic is
@@ -67,17 +57,7 @@ def cost_astar(  # noqa: PLR0917
         goal: Bit index of a free cell.
         allowed: Allowed moves by neighbourhood.
         heuristic: Estimate of the remaining length.
-    """
-    run = CostAStar(bitgrid, weights, lanes, against, start, goal, allowed, heuristic)
-    run.explore()
-    return run.path(), run.progress.best, run.progress.expansions
-
-
-class CostAStar:
-    """Search of :func:`cost_astar` that can be interrupted, and continues where it was.
-
-    Args: as for :func:`cost_astar`, and ``largest``, the greatest weight of a cell with its lane;
-    None: it is computed.
+        largest: Greatest weight of a cell with its lane; None: it is computed.
     """
 
     def __init__(  # noqa: PLR0917
@@ -105,7 +85,7 @@ class CostAStar:
         )  # fmt: skip
         self.progress = Progress.of(self._ends)
 
-    def explore(self, most: int = INFINITE) -> bool:
+    def explore(self, most: int) -> bool:
         """Expand up to ``most`` cells; return whether the search has ended."""
         self._queue, self.progress = _explore(
             *self._problem, self._queue, self._ring, self.progress.until(most)

@@ -16,12 +16,12 @@ from omnidrive.arrays import Array
 from omnidrive.errors import InvalidInput, InvalidWaypoint, NoPathFound
 from omnidrive.maps import CostMap, OccupancyGrid
 from omnidrive.parameter import check_choice
-from omnidrive.planning.search.astar import astar
+from omnidrive.planning.search.astar import AStar
 from omnidrive.planning.search.bitgrid import BitGrid, Cell
 from omnidrive.planning.search.cost_astar import (
     DIRECTIONS,
     UNIT,
-    cost_astar,
+    CostAStar,
     largest_weight,
 )
 from omnidrive.planning.search.greedy import greedy
@@ -30,8 +30,9 @@ from omnidrive.planning.search.heuristics import (
     STRAIGHT,
     Heuristic,
 )
+from omnidrive.planning.search.interruptible import completed
 from omnidrive.planning.search.jump_grid import JumpGrid
-from omnidrive.planning.search.jump_point import jump_point
+from omnidrive.planning.search.jump_point import JumpPointSearch
 from omnidrive.planning.search.lazy_theta import lazy_theta
 from omnidrive.planning.search.moves import START_MOVE, pruned_moves
 from omnidrive.planning.search.result import SearchResult, path_length
@@ -287,15 +288,18 @@ Method = Callable[[GridSearch, int, int, Heuristic], tuple]
 def _cost_astar(
     searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic
 ) -> SearchOutput:
-    indices, cost, expansions = cost_astar(
+    run = CostAStar(
         searcher._bitgrid, searcher._weights, searcher._lanes, searcher._against, start_index,
         goal_index, searcher._move_table[START_MOVE], heuristic,
     )  # fmt: skip
-    return SearchOutput(indices, expansions, cost / (2.0 * UNIT * STRAIGHT))
+    indices, expansions = completed(run)
+    return SearchOutput(indices, expansions, run.progress.best / (2.0 * UNIT * STRAIGHT))
 
 
 def _astar(searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic) -> tuple:
-    return astar(searcher._bitgrid, start_index, goal_index, searcher._move_table, heuristic)
+    return completed(
+        AStar(searcher._bitgrid, start_index, goal_index, searcher._move_table, heuristic)
+    )
 
 
 def _greedy(searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic) -> tuple:
@@ -306,23 +310,20 @@ def _jump_point(
     searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic
 ) -> tuple:
     searcher._require_default_moves("jump-point")
-    return jump_point(
-        searcher._bitgrid,
-        searcher._jump_grid,
-        start_index,
-        goal_index,
-        searcher._move_table,
-        heuristic,
-    )
+    return completed(
+        JumpPointSearch(
+            searcher._bitgrid, searcher._jump_grid, start_index, goal_index, searcher._move_table,
+            heuristic,
+        )
+    )  # fmt: skip
 
 
 def _lazy_theta(
     searcher: GridSearch, start_index: int, goal_index: int, heuristic: Heuristic
 ) -> tuple:
     searcher._require_default_moves("lazy-theta")
-    along_moves, expansions = astar(
-        searcher._bitgrid, start_index, goal_index, searcher._move_table, HEURISTICS["octile"]
-    )
+    octile = HEURISTICS["octile"]
+    along_moves, expansions = _astar(searcher, start_index, goal_index, octile)
     # without a path, line-of-sight checks over a large region would take minutes
     if len(along_moves) == 0:
         return along_moves, expansions

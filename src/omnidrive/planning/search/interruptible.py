@@ -27,6 +27,12 @@ class Run(Protocol):
         """Cost that no path falls below, in cell widths."""
 
 
+def completed(run: Run) -> tuple[Int32[Array, " cells"], int]:
+    """Run a search to its end; return the cells of its path and the number of expansions."""
+    run.explore(INFINITE)
+    return run.path(), run.progress.expansions
+
+
 def has_path(run: Run) -> bool:
     """Whether a search has a path so far."""
     return run.progress.best != INFINITE

@@ -7,7 +7,7 @@ from jaxtyping import Int32, Shaped, UInt8
 
 from omnidrive.arrays import Array
 from omnidrive.compiled import compiled, inlined
-from omnidrive.planning.search.astar import BUCKET_SHIFT, INFINITE, Progress
+from omnidrive.planning.search.astar import BUCKET_SHIFT, Progress
 from omnidrive.planning.search.bit_ops import int64, uint32
 from omnidrive.planning.search.bitgrid import BitGrid
 from omnidrive.planning.search.bucket_queue import (
@@ -34,19 +34,12 @@ _CLOSED = 16  # flag of an expanded node
 _CAPACITY = 1 << 9  # initial number of nodes and of slots of the queue
 
 
-def jump_point(  # noqa: PLR0917
-    bitgrid: BitGrid,
-    jump_grid: JumpGrid,
-    start: int,
-    goal: int,
-    move_table: UInt8[Array, "10 512"],
-    heuristic: Heuristic,
-) -> tuple[Int32[Array, " cells"], int]:
-    """Return the cells of a shortest path, empty if there is none, and the number of expansions.
+class JumpPointSearch:
+    """A* over jump points that can be interrupted, and continues where it was.
 
-    A* over jump points (Harabor & Grastien 2011, "Online graph pruning for pathfinding on grid
-    maps", and 2014, "Improving jump point search"). Rows and columns are scanned 64 cells at a
-    time. The cells of a diagonal run are not put into the queue, only their successors.
+    Harabor & Grastien 2011, "Online graph pruning for pathfinding on grid maps", and 2014,
+    "Improving jump point search". Rows and columns are scanned 64 cells at a time. The cells of a
+    diagonal run are not put into the queue, only their successors.
 
     Args:
         bitgrid: The cells.
@@ -55,16 +48,6 @@ def jump_point(  # noqa: PLR0917
         goal: Index of the goal cell.
         move_table: Pruned moves among eight neighbours without cutting corners.
         heuristic: Estimate of the remaining length.
-    """
-    run = JumpPointSearch(bitgrid, jump_grid, start, goal, move_table, heuristic)
-    run.explore()
-    return run.path(), run.progress.expansions
-
-
-class JumpPointSearch:
-    """Search of :func:`jump_point` that can be interrupted, and continues where it was.
-
-    Args: as for :func:`jump_point`.
     """
 
     def __init__(  # noqa: PLR0917
@@ -90,7 +73,7 @@ class JumpPointSearch:
         self.progress = Progress.of((start, goal))
         self._stride, self._ends, self._heuristic = bitgrid.stride, (start, goal), heuristic
 
-    def explore(self, most: int = INFINITE) -> bool:
+    def explore(self, most: int) -> bool:
         """Expand up to ``most`` jump points; return whether the search has ended."""
         self._memory, self._counts, self.progress = _explore(
             *self._problem, *self._memory, self._ring, self._counts, self.progress.until(most)
