@@ -136,11 +136,11 @@ class PathSamples(NamedTuple):
         blocks = _per_piece(weights, self.basis) + _per_piece(self.stiffness, self.slopes)
         pieces, count = len(blocks), len(blocks) + 3
         bands, right = np.zeros((4, count)), np.zeros(count)
-        pulls = (weights * directions)[:, None] * self.basis
-        pulls += (self.stiffness * turns)[:, None] * self.slopes
-        pulls = pulls.reshape(pieces, len(_NODES), 4).sum(axis=1)
+        right_sides = (weights * directions)[:, None] * self.basis
+        right_sides += (self.stiffness * turns)[:, None] * self.slopes
+        right_sides = right_sides.reshape(pieces, len(_NODES), 4).sum(axis=1)
         for i in range(4):
-            right[i : i + pieces] += pulls[:, i]
+            right[i : i + pieces] += right_sides[:, i]
             for below in range(4 - i):
                 bands[below, i : i + pieces] += blocks[:, i + below, i]
         first, last = 0, count

@@ -93,7 +93,7 @@ class PiecewisePath:
             count *= 2
 
     @classmethod
-    def joined(cls, paths: Sequence[SplinePath]) -> PiecewisePath:
+    def concatenated(cls, paths: Sequence[SplinePath]) -> PiecewisePath:
         """Convert spline paths, each of which starts at the end of the one before.
 
         Their headings are kept. Each piece is divided into the same number of pieces. First

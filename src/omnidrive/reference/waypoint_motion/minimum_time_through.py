@@ -138,7 +138,7 @@ def _fastest(
 
 def _timed(problem: Problem, layout: Layout, paths: Sequence[SplinePath]) -> TimedReference:
     """Return the fastest motion along splines within all limits."""
-    path = PiecewisePath.joined(paths)
+    path = PiecewisePath.concatenated(paths)
     scale = len(path.pieces) // int(layout.nodes[-1])
     nodes = (layout.nodes * scale).tolist()
     limits = tuple(
