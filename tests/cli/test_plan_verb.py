@@ -137,6 +137,10 @@ def test_path_keeps_to_the_middle_and_out_of_zones(capsys, room, tmp_path):
         (["--keepout", "none.yaml"], "none.yaml"),
         (["--keepout", "small.yaml"], "the mask has 4 x 3 cells, the map 160 x 120"),
         (["--speed-mask", "zero.yaml"], "a speed limit is 0 or negative"),
+        (
+            ["--keepout", "small.yaml", "--speed-mask", "zero.yaml"],
+            "draw the mask on the map; zero",
+        ),
         (["--speed-mask", "zero.yaml", "--timing", "uniform"], "need timing.law: limits"),
         (["--keepout", "small.yaml", "--search", "greedy"], "the search greedy has none"),
         (["--cost-weight", "-1"], "costs.weight"),

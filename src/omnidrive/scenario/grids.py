@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from omnidrive.errors import InvalidInput, OmnidriveError
 from omnidrive.maps import CostMap, Lane, OccupancyGrid, load_costs, load_map, paper_map, paper_wall
 from omnidrive.reference import ReferencePath
 from omnidrive.robot import Robot
@@ -60,16 +63,25 @@ def costs_of(
 
     Raises:
         InvalidMap: A mask cannot be read, or its size or frame is not that of the map.
-        InvalidInput: A value is not possible.
+        InvalidInput: A value is not possible. Of several faults, the message names all.
     """
     if section is None:
         return None
-    costs = CostMap.of(grid)
-    if section.keepout is not None:
-        costs = costs.with_keepout(section.keepout)
-    if section.speed is not None:
-        straight = float(np.abs(robot.chassis.jacobian[:, 0]).max())
-        costs = costs.with_speed_mask(section.speed, max_speed or robot.max_wheel_speed / straight)
-    if section.costs is not None:
-        costs = costs.with_costs(load_costs(section.costs, grid))
+    straight = float(np.abs(robot.chassis.jacobian[:, 0]).max())
+    top = max_speed or robot.max_wheel_speed / straight
+    layers: tuple[tuple[str | None, Callable[[CostMap, str], CostMap]], ...] = (
+        (section.keepout, lambda under, file: under.with_keepout(file)),
+        (section.speed, lambda under, file: under.with_speed_mask(file, top)),
+        (section.costs, lambda under, file: under.with_costs(load_costs(file, grid))),
+    )
+    costs, faults = CostMap.of(grid), []
+    for file, added in layers:
+        try:
+            costs = costs if file is None else added(costs, file)
+        except OmnidriveError as error:
+            faults.append(error)
+    if len(faults) > 1:
+        raise InvalidInput("; ".join(map(str, faults)))
+    if faults:
+        raise faults[0]
     return costs.with_lanes([Lane(*each.model_dump().values()) for each in section.lanes])
